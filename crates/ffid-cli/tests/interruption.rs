@@ -20,7 +20,7 @@ fn a_fit_that_is_interrupted_is_written_as_far_as_it_got() {
     let records = [session::read_record(&opened.model, &c.path("rec.csv"), &[]).unwrap()];
     let (stop, options) = (AtomicBool::new(false), ["--held-out=0.3".to_owned()]);
     let at_the_third = |n: usize, _: f64| stop.store(n >= 3, Ordering::SeqCst);
-    let watch = Observer { stop: Some(&stop), progress: Some(&at_the_third), kept: None, partial: true };
+    let watch = Observer { stop: Some(&stop), progress: Some(&at_the_third), partial: true, ..Observer::default() };
     let mut found = session::identify(&file, &opened, &records, None, &options, &watch).ok().unwrap();
     let r = found.found.result.clone();
     assert_eq!((found.exit, r.status), (Exit::Interrupted, Ended::Interrupted { after: r.iterations }));

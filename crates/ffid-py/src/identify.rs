@@ -143,7 +143,7 @@ pub(crate) fn identify(
         let held = held_out.as_ref().map(|r| &r.get().given);
         let show = |n: usize, chi2: f64| _ = tell.send(("fit", n, chi2));
         let kept = RefCell::new(None);
-        let watch = Observer { stop: Some(stop), progress: Some(&show), kept: Some(&kept), partial: false };
+        let watch = Observer { stop: Some(stop), progress: Some(&show), kept: Some(&kept), ..Observer::default() };
         let found = session::identify(&m.file, &m.opened, &given, held, &options, &watch);
         (found, kept.into_inner())
     })?;
@@ -186,7 +186,7 @@ pub(crate) fn validate<'py>(
     let m = mission.get();
     let (found, broken) = watched(py, progress, |stop, tell| {
         let show = |n: usize, chi2: f64| _ = tell.send(("validate", n, chi2));
-        let watch = Observer { stop: Some(stop), progress: Some(&show), kept: None, partial: false };
+        let watch = Observer { stop: Some(stop), progress: Some(&show), ..Observer::default() };
         session::validate(&m.file, &m.opened, &result, &record.get().given, &options, &watch)
     })?;
     if let Some(e) = broken {

@@ -126,6 +126,7 @@ fn trust(r: &IdentificationResult) -> (Level, &'static str, Vec<String>) {
     };
     if let Some(e) = &r.evidence {
         said.push(format!("Residuals are {:.2} times the noise of the sensors; {}.", r.chi2_per_dof.sqrt(), e.reason));
+        said.extend(e.in_doubt());
     }
     said.extend(r.held_out.iter().map(|h| format!("Data that were not used ({}): {}", h.source, h.verdict)));
     if let Some((p, off)) = r.farthest_from_truth() {

@@ -129,7 +129,7 @@ pub(crate) fn watched<V>(
             bar.set_message(format!("linearisation {n}, chi-squared per residual {chi2:.6}"));
         }
     };
-    let found = work(&Observer { stop: Some(&stop), progress: Some(&tell), kept: None, partial });
+    let found = work(&Observer { stop: Some(&stop), progress: Some(&tell), partial, ..Observer::default() });
     if let Some(b) = &bar {
         b.finish_and_clear();
     }

@@ -93,6 +93,7 @@ const EVIDENCE: &[Key] = &[
         "what it would come to with the first error estimated",
     ),
     key("named", Tables(NAMED), "errors that the record speaks for: those that explain it together, then others alone"),
+    key("columns", Texts, "units, axes and signs of the record that may be why it is not explained"),
 ];
 
 const NAMED: &[Key] = &[

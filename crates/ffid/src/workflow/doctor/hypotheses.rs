@@ -12,9 +12,11 @@ use super::mismatch::{Output, distance_with, explain, is_gyro_reversed, put_righ
 use super::motion_error::MotionError;
 use super::prediction::Prediction;
 use super::quick_fit::{FOLLOWS, QuickFit, quick_fit, thinned};
+use super::sensor_errors;
 use super::told;
 use super::words::{Grounds, findings_of, named};
 use ff_records::Record;
+use std::slice;
 
 /// Mean distance below which nothing is looked for before a fit.
 const EXPLAINED: f64 = 0.3;
@@ -170,7 +172,7 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
             let put_right = |h: &Hypothesis| put_right(&h.motion.put_right(&thin, &turns(case)), &h.outputs);
             let best = put_right(h);
             let rivals = fitted[1..].iter().filter(as_good).filter(|(_, r)| put_right(r) != best);
-            let rivals = rivals.map(|(_, r)| named(case, r)).collect();
+            let rivals = rivals.map(|(_, r)| named(case, r.motion, &r.outputs)).collect();
             let why = Grounds { measure: "the misfit of a quick fit", before, after, rivals };
             found.scales = Scales::of(case, h.motion, &h.outputs);
             found.motion_is_right = !h.motion.is_unit();
@@ -182,9 +184,20 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
                 .push(good(format!("a quick fit follows torques and gyro, misfit {before:.3}, limit {limit}")));
         }
         None => {
-            let text =
-                format!("no unit, axis or sign explains what a quick fit leaves, misfit {before:.3}, limit {limit}");
-            found.findings.push(good(text));
+            let numbers = sensor_errors::found(case, &thin, before);
+            let Some((fit, first)) = numbers.first() else {
+                let text = format!(
+                    "no unit, axis or sign explains what a quick fit leaves, misfit {before:.3}, limit {limit}"
+                );
+                found.findings.push(good(text));
+                return found;
+            };
+            let after = fit.misfit;
+            let as_good = |r: &&(QuickFit, Output)| r.0.misfit < (RIVAL * after).max(FOLLOWED);
+            let rivals =
+                numbers[1..].iter().filter(as_good).map(|(_, o)| named(case, MotionError::None, slice::from_ref(o)));
+            let why = Grounds { measure: "the misfit of a quick fit", before, after, rivals: rivals.collect() };
+            found.findings.extend(findings_of(case, MotionError::None, slice::from_ref(first), &why));
         }
     }
     found
@@ -210,7 +223,7 @@ impl Scales {
         let n = case.record.joints();
         Self { position: vec![1.0; n], torque: vec![1.0; n], gyro: 1.0 }
     }
-    fn of(case: &Case<'_>, motion: MotionError, outputs: &[Output]) -> Self {
+    pub(super) fn of(case: &Case<'_>, motion: MotionError, outputs: &[Output]) -> Self {
         let mut out = Self::none(case);
         match motion {
             MotionError::Factor(f) => {
@@ -225,7 +238,9 @@ impl Scales {
                 Output::MotorSide { factors } => out.torque.iter_mut().zip(factors).for_each(|(s, f)| *s *= f),
                 Output::OneTorqueUnit { joint, factor, .. } => out.torque[*joint] *= factor,
                 Output::GyroUnit { factor, .. } => out.gyro = *factor,
-                Output::Axis(_) | Output::Swapped { .. } => {}
+                Output::TorqueGain { gain } => out.torque.iter_mut().for_each(|s| *s *= gain),
+                Output::GyroGain { gain } => out.gyro *= gain,
+                Output::Axis(_) | Output::Swapped { .. } | Output::Turned { .. } => {}
             }
         }
         out

@@ -14,12 +14,15 @@
 //!   prediction        torques and gyro at the values of the mission
 //!   dead, clipped     channels that say nothing, or stay at the end of their range, while the prediction goes on
 //!   quick_fit         a few steps over the thinned record: how near the mission can come to it
-//!   hypotheses        where it cannot: candidates, errors of outputs (mismatch) and of joint motion (motion_error), each put right
+//!   hypotheses        where it cannot: candidates, errors of outputs (mismatch) and of joint motion (motion_error), each put right;
+//!                     then turns and gains of sensors (sensor_errors)
 //!   units, words      factors of units; hypotheses as findings
 //!   told              signs and columns that the record does not tell
 //!   clocks, modes     ident::checks
 //!   prior             the values of the mission against the record
 //! before_fit          what would make a fit useless, in a fraction of its time, and noise that is another; for `ffid identify`
+//! columns             units, axes and signs of a record that a fit does not come near; for `ffid identify`
+//! likelier_columns    signs and orders of columns at the values of a fit that does not explain it; for `ffid identify`
 //! standing_still      the same of an arm on the ground, whose torques are not predicted
 //! ```
 mod candidates;
@@ -42,6 +45,7 @@ mod prior;
 mod quick_fit;
 mod rest;
 mod sampling;
+mod sensor_errors;
 mod text;
 mod told;
 mod units;
@@ -233,4 +237,47 @@ pub fn before_fit(opened: &Opened, labelled: &LabelledRecord, settings: &Setting
     }
     found.0.extend(of_outputs.into_iter().filter_map(wrong));
     Ok(found)
+}
+
+/// What of units, axes and signs of a record speaks against it, as thorough as [`diagnose`]: to be asked where a fit leads nowhere. Takes a second
+/// for each minute of the record, or a few. Nothing is asked of a part behind a gap, and of a base that is bolted down. Allocates.
+///
+/// # Errors
+/// [`IdentifyError::Refused`] for the record of another robot, or on several clocks. What is wrong with the record is no error here.
+pub fn columns(opened: &Opened, labelled: &LabelledRecord, settings: &Settings) -> Result<Problems, IdentifyError> {
+    let problems =
+        |case: &Case<'_>| hypotheses::findings(case).findings.into_iter().filter_map(|f| f.problem).collect();
+    on_columns(opened, labelled, settings, problems)
+}
+
+/// Signs and orders of columns with which a record would be likelier at the values of a fit that does not explain it, down to the noise of the
+/// sensors. Allocates.
+///
+/// # Errors
+/// As [`columns`].
+pub fn likelier_columns(
+    opened: &Opened,
+    labelled: &LabelledRecord,
+    settings: &Settings,
+    values: &[f64],
+) -> Result<Problems, IdentifyError> {
+    on_columns(opened, labelled, settings, |case| {
+        let thin = quick_fit::thinned(case, case.record);
+        thin.and_then(|thin| told::behind_fit(case, &thin, values)?.problem).into_iter().collect()
+    })
+}
+
+fn on_columns(
+    opened: &Opened,
+    labelled: &LabelledRecord,
+    settings: &Settings,
+    of: impl Fn(&Case<'_>) -> Vec<Problem>,
+) -> Result<Problems, IdentifyError> {
+    if labelled.continues || !is_predicted(&opened.model, settings) {
+        return Ok(Problems::default());
+    }
+    let even = on_one_clock(labelled)?;
+    let (even, own, gains) = torques_behind(opened, &even, settings);
+    let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
+    Ok(Problems(of(&Case { gains, ..Case::new(opened, labelled, &even, (&own, settings), jumps)? })))
 }

@@ -28,14 +28,14 @@ const CLEAR: f64 = 20.0;
 /// Names in a list.
 const SHOWN: usize = 12;
 
-/// What is left of the channels.
-fn left(case: &Case<'_>, p: &Prediction) -> Vec<f64> {
+/// What is left of the channels, no less than noise and this part of the signal.
+fn left(case: &Case<'_>, p: &Prediction, part: f64) -> Vec<f64> {
     let n = p.measured.nrows() as f64;
     let one = |k: usize| {
         let noise = case.level.of_output(k);
         let signal = p.predicted.column(k).norm_squared() / n;
         let square = (p.measured.column(k) - p.predicted.column(k)).norm_squared() / n;
-        square.max(noise * noise).max(PART * PART * signal).max(f64::MIN_POSITIVE)
+        square.max(noise * noise).max(part * part * signal).max(f64::MIN_POSITIVE)
     };
     (0..p.measured.ncols()).map(one).collect()
 }
@@ -48,9 +48,16 @@ struct Judge<'c, 'm> {
     turns: Vec<bool>,
     predicted: Prediction,
     as_recorded: Vec<f64>,
+    /// Of a signal, that is not followed.
+    part: f64,
 }
 
-impl Judge<'_, '_> {
+impl<'c, 'm> Judge<'c, 'm> {
+    fn new(case: &'c Case<'m>, thin: &'c Record, values: &'c [f64], part: f64) -> Option<Self> {
+        let predicted = Prediction::coarse_at(case, thin, values)?;
+        let as_recorded = left(case, &predicted, part);
+        Some(Self { case, thin, values, turns: turns(case), predicted, as_recorded, part })
+    }
     fn against(&self, motion: MotionError, outputs: &[Output]) -> Option<f64> {
         // What is read changes no prediction.
         let mut p = if motion == MotionError::None {
@@ -59,7 +66,7 @@ impl Judge<'_, '_> {
             Prediction::coarse_at(self.case, &motion.put_right(self.thin, &self.turns), self.values)?
         };
         outputs.iter().for_each(|o| apply(o, &mut p.measured, self.turns.len()));
-        let changed = left(self.case, &p);
+        let changed = left(self.case, &p, self.part);
         let sum: f64 = changed.iter().zip(&self.as_recorded).map(|(s, r)| 0.5 * (s / r).ln()).sum();
         Some(sum * self.thin.samples() as f64 / CORRELATED)
     }
@@ -67,10 +74,40 @@ impl Judge<'_, '_> {
 
 /// What cannot be told from the record, in one finding; and what would be likelier than the record as it is, in another.
 pub(super) fn findings(case: &Case<'_>, thin: &Record, fit: &QuickFit) -> Vec<Finding> {
-    let Some(p) = Prediction::coarse_at(case, thin, &fit.values) else { return Vec::new() };
-    let as_recorded = left(case, &p);
-    let judge = Judge { case, thin, values: &fit.values, turns: turns(case), predicted: p, as_recorded };
-    let n = case.record.joints();
+    let Some(judge) = Judge::new(case, thin, &fit.values, PART) else { return Vec::new() };
+    let Weighed { mut unknown, likelier } = weighed(&judge);
+    let axes: Vec<f64> = turned_gyros().filter_map(|a| judge.against(MotionError::None, &[Output::Axis(a)])).collect();
+    let unseen = axes.iter().filter(|found| found.abs() < TOLD).count();
+    if unseen > 0 {
+        unknown.push(format!("the axes of the gyro ({unseen} of 47 orders and signs are as likely)"));
+    }
+    let mut out = Vec::new();
+    if !unknown.is_empty() {
+        let text = format!("not to be told from this record: {}", list(unknown.iter().map(String::as_str), SHOWN));
+        out.push(case.finding(Topic::Signs, Judgement::Good, text));
+    }
+    out.extend(in_doubt(case, likelier));
+    out
+}
+
+/// What would be likelier than the record as it is at the values of a fit that does not explain it, down to the noise of the sensors: the columns
+/// of a light wrist are followed by a quick fit in any order.
+pub(super) fn behind_fit(case: &Case<'_>, thin: &Record, values: &[f64]) -> Option<Finding> {
+    let judge = Judge::new(case, thin, values, 0.0)?;
+    in_doubt(case, weighed(&judge).likelier)
+}
+
+/// Signs and swaps by how much likelier a record is with them.
+struct Weighed {
+    /// Neither likelier nor less likely.
+    unknown: Vec<String>,
+    /// Logarithms of the likelihood ratios.
+    likelier: Vec<(f64, String)>,
+}
+
+fn weighed(judge: &Judge<'_, '_>) -> Weighed {
+    let record = judge.case.record;
+    let n = record.joints();
     let (mut unknown, mut likelier): (Vec<String>, Vec<(f64, String)>) = (Vec::new(), Vec::new());
     let mut weigh = |motion, outputs: &[Output], name: String| -> f64 {
         let found = judge.against(motion, outputs).unwrap_or(f64::INFINITY);
@@ -82,7 +119,7 @@ pub(super) fn findings(case: &Case<'_>, thin: &Record, fit: &QuickFit) -> Vec<Fi
         found
     };
     let torque = |joint| Output::Axis(AxisMismatch::Torque { joint, correlation: -1.0 });
-    let names = case.record.joint_names();
+    let names = record.joint_names();
     let mut weak = vec![false; n];
     for j in 0..n {
         let of_torque = weigh(MotionError::None, &[torque(j)], format!("the sign of tau.{}", names[j]));
@@ -98,31 +135,27 @@ pub(super) fn findings(case: &Case<'_>, thin: &Record, fit: &QuickFit) -> Vec<Fi
             }
             let swapped = [Output::Swapped { joints: (i, j) }];
             weigh(MotionError::None, &swapped, format!("whether tau.{} and tau.{} are swapped", names[i], names[j]));
+            weigh(MotionError::Swapped(i, j), &[], format!("whether q.{} and q.{} are swapped", names[i], names[j]));
             weigh(MotionError::Swapped(i, j), &swapped, format!("whether {} and {} are swapped", names[i], names[j]));
         }
     }
-    let axes: Vec<f64> = turned_gyros().filter_map(|a| judge.against(MotionError::None, &[Output::Axis(a)])).collect();
-    let unseen = axes.iter().filter(|found| found.abs() < TOLD).count();
-    if unseen > 0 {
-        unknown.push(format!("the axes of the gyro ({unseen} of 47 orders and signs are as likely)"));
-    }
-    let mut out = Vec::new();
-    if !unknown.is_empty() {
-        let text = format!("not to be told from this record: {}", list(unknown.iter().map(String::as_str), SHOWN));
-        out.push(case.finding(Topic::Signs, Judgement::Good, text));
-    }
+    Weighed { unknown, likelier }
+}
+
+/// What is likelier than the record as it is: the best, and what is as good.
+fn in_doubt(case: &Case<'_>, mut likelier: Vec<(f64, String)>) -> Option<Finding> {
     likelier.sort_by(|a, b| a.0.total_cmp(&b.0));
     let best = likelier.first().map_or(0.0, |l| l.0);
     likelier.retain(|l| l.0 < best + TOLD);
-    if !likelier.is_empty() {
-        let text = format!(
-            "the record is likelier if these were otherwise, each by itself: {}",
-            list(likelier.iter().map(|(_, name)| name.as_str()), SHOWN)
-        );
-        let p = Problem::warning(Area::Data, "Data::SignInDoubt", text.clone()).on(case.label).hint(
-            "compare sign and order of these columns with the URDF; a load that the mission does not have looks alike",
-        );
-        out.push(case.finding(Topic::Signs, Judgement::Suspicious, text).raising(p));
+    if likelier.is_empty() {
+        return None;
     }
-    out
+    let text = format!(
+        "the record is likelier if these were otherwise, each by itself: {}",
+        list(likelier.iter().map(|(_, name)| name.as_str()), SHOWN)
+    );
+    let p = Problem::warning(Area::Data, "Data::SignInDoubt", text.clone()).on(case.label).hint(
+        "compare sign and order of these columns with the URDF; a load that the mission does not have looks alike",
+    );
+    Some(case.finding(Topic::Signs, Judgement::Suspicious, text).raising(p))
 }

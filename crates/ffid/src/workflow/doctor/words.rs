@@ -1,15 +1,16 @@
 //! Errors of units, axes and signs in words: findings, each with its problem and what to do.
 
-use super::candidates::Hypothesis;
 use super::case::Case;
 use super::diagnosis::{Finding, Judgement, Topic};
 use super::mismatch::Output;
 use super::motion_error::MotionError;
+use super::sensor_errors::{LEAST_GAIN, LEAST_TURN};
 use super::units::{ANGLE, RATE, TIME, TORQUE, of_factor};
 use crate::workflow::identify::axes;
 use ff_model::diagnostics::Limit;
 use ff_model::{Area, Problem};
 use ident::checks::AxisMismatch;
+use nalgebra::Vector3;
 
 /// By how much a measure falls with an error put right.
 pub(super) struct Grounds {
@@ -40,6 +41,10 @@ impl Grounds {
     }
 }
 
+/// Gains of torques that are units, and how near they have to be.
+const GAINS: [(f64, &str); 2] = [(0.737_56, "lbf ft, labelled as N m"), (1.355_82, "N m, labelled as lbf ft")];
+const NEAR_GAIN: f64 = 0.04;
+
 /// What to do with torques of motors.
 const MOTORS: &str = "torques are those on the joint, after the gear: multiply by the ratio, or declare a [[drive]] (docs/motor-side.md)";
 
@@ -51,13 +56,13 @@ pub(super) fn findings_of(case: &Case<'_>, motion: MotionError, outputs: &[Outpu
 }
 
 /// A hypothesis in a few words.
-pub(super) fn named(case: &Case<'_>, h: &Hypothesis) -> String {
+pub(super) fn named(case: &Case<'_>, motion: MotionError, outputs: &[Output]) -> String {
     let why = Grounds { measure: "", before: 0.0, after: 0.0, rivals: Vec::new() };
     let one = |f: Finding| {
         let text = f.text.split([';', '(']).next().unwrap_or("").trim().to_owned();
         f.channel.map_or(text.clone(), |c| format!("{c}: {text}"))
     };
-    findings_of(case, h.motion, &h.outputs, &why).into_iter().map(one).collect::<Vec<_>>().join(" and ")
+    findings_of(case, motion, outputs, &why).into_iter().map(one).collect::<Vec<_>>().join(" and ")
 }
 
 fn wrong(case: &Case<'_>, topic: Topic, p: Problem, text: String) -> Finding {
@@ -119,6 +124,16 @@ fn of_motion(case: &Case<'_>, h: MotionError, why: &Grounds) -> Option<Finding> 
             wrong(case, Topic::Axes, p, text)
         }
     })
+}
+
+/// A gain that all channels of a group have, which may be in the mission as well: a warning.
+fn off_by(case: &Case<'_>, (channel, gain): (&str, f64), text: String, error: &str) -> Finding {
+    let p = Problem::warning(Area::Data, "Data::GainInDoubt", text.clone())
+        .on(channel)
+        .violating(gain, Limit::Within((-LEAST_GAIN).exp(), LEAST_GAIN.exp()), "")
+        .hint(format!("multiply the columns by {:.4} if that is why, or estimate it: --adopt {error}; masses and inertias that the mission takes as exact may look alike", 1.0 / gain));
+    let f = case.finding(Topic::Units, Judgement::Suspicious, text).figures(gain, 1.0, "").raising(p);
+    f.on(channel)
 }
 
 fn of_output(case: &Case<'_>, o: &Output, why: &Grounds) -> Finding {
@@ -190,6 +205,32 @@ fn of_output(case: &Case<'_>, o: &Output, why: &Grounds) -> Finding {
             p.message = format!("{}; {}", p.message, why.words());
             let text = p.message.clone();
             wrong(case, topic, p, text).figures(measured, 1.0, "")
+        }
+        Output::Turned { rotation } => {
+            let (axis, angle) = rotation.axis_angle().unwrap_or((Vector3::x_axis(), 0.0));
+            let degrees = angle.to_degrees();
+            let text = format!(
+                "the gyro is turned by {degrees:.1} deg about ({:.2}, {:.2}, {:.2}) of the base; {}",
+                axis.x,
+                axis.y,
+                axis.z,
+                why.words()
+            );
+            let p = Problem::error(Area::Data, "Data::AxisMismatch", text.clone())
+                .on("gyro")
+                .violating(degrees, Limit::AtMost(LEAST_TURN.to_degrees()), "deg")
+                .hint("turn its readings into the axes of the base; what is left of the angle can be estimated: --adopt gyro-misalignment");
+            wrong(case, Topic::Axes, p, text).figures(degrees, 0.0, "deg")
+        }
+        Output::GyroGain { gain } => {
+            let text = format!("rates are {}; {}", times(*gain), why.words());
+            off_by(case, ("gyro", *gain), text, "gyro-scale")
+        }
+        Output::TorqueGain { gain } => {
+            let known = GAINS.iter().find(|(factor, _)| (gain / factor).ln().abs() < NEAR_GAIN);
+            let known = known.map_or_else(String::new, |(factor, is)| format!(" ({is}: factor {factor:.4})"));
+            let text = format!("torques are {}{known}; {}", times(*gain), why.words());
+            off_by(case, ("tau", *gain), text, "torque-gain")
         }
         Output::Swapped { joints: (i, j) } => {
             let text = format!("the torques of {} and {} are swapped; {}", names[*i], names[*j], why.words());

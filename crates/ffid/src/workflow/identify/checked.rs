@@ -10,7 +10,7 @@ use super::held_out::nuisance;
 use super::identified::Identified;
 use super::labelled_record::LabelledRecord;
 use super::number::num;
-use super::observed_estimator::Observer;
+use super::observed_estimator::{Observer, RecordCheck};
 use super::options::FitOptions;
 use super::record_estimator::{RecordEstimator, setup};
 use super::refit::UNEXPLAINED;
@@ -28,9 +28,6 @@ const BETTER: f64 = 0.2;
 /// Initial values below this many standard deviations are not named.
 const SURE: f64 = 3.0;
 
-/// Refuses records whose axes do not match the model, given the settings of the fit.
-pub type AxesCheck<'a> = &'a dyn Fn(&[LabelledRecord], &Settings) -> Result<(), IdentifyError>;
-
 /// [`identify`] with record checks. `axes` refuses records with an axis mismatch (row D21). Records that were corrected are
 /// changed in place. Returns the settings of the last fit and warnings beside the result.
 ///
@@ -43,7 +40,7 @@ pub fn identify_checked(
     settings: &Settings,
     options: &FitOptions,
     checks: RecordChecks,
-    axes: AxesCheck<'_>,
+    axes: RecordCheck<'_>,
     provenance: &Provenance,
     watch: &Observer<'_>,
 ) -> Result<(Identified, Settings, Problems), IdentifyError> {

@@ -67,6 +67,9 @@ pub struct Evidence {
     /// Errors that the record speaks for: first those that explain it together, then others that would explain part of it alone.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub named: Vec<NamedError>,
+    /// What of units, axes and signs of the record may be why the model does not explain it, in words.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub columns: Vec<String>,
 }
 
 impl Evidence {
@@ -80,6 +83,11 @@ impl Evidence {
             out += &n.text;
         }
         Some(out)
+    }
+    /// The columns that may be why the record is not explained, in a sentence: to be looked at before anything is estimated. Allocates.
+    pub fn in_doubt(&self) -> Option<String> {
+        let all = self.columns.join("; ");
+        (!all.is_empty()).then(|| format!("Columns of the record are in doubt, which is to be looked at first: {all}."))
     }
     /// What to do about the errors that explain the record, as the next step of a message; `None` where none is named. Allocates.
     pub fn remedy(&self) -> Option<String> {
@@ -211,5 +219,8 @@ mod tests {
         let apart = of(vec![named("other-robot.b", true, false)]).remedy().unwrap();
         assert!(apart.contains("apart") && !apart.contains("--adopt"), "{apart}");
         assert_eq!(of(Vec::new()).remedy(), None);
+        assert_eq!(of(Vec::new()).in_doubt(), None);
+        let swapped = Evidence { columns: vec!["q.j6: swapped".into(), "gyro: turned".into()], ..Evidence::default() };
+        assert!(swapped.in_doubt().unwrap().ends_with("first: q.j6: swapped; gyro: turned."));
     }
 }

@@ -30,7 +30,10 @@ pub struct Identified {
 impl Identified {
     /// Parameters of the model as they were in record `k`: those of the last record ([`Identified::values`]), but for what changes from record to
     /// record. A part behind a gap has those of its record. Allocates.
-    pub(super) fn values_in(&self, records: &[LabelledRecord], k: usize) -> Vec<f64> {
+    ///
+    /// # Panics
+    /// If there is no such record.
+    pub fn values_in(&self, records: &[LabelledRecord], k: usize) -> Vec<f64> {
         let mut values = self.values.clone();
         let first = (0..=k).rev().find(|&i| !records[i].continues).unwrap_or(k);
         for course in self.result.over_time.iter().filter(|c| c.record.is_none()) {

@@ -80,7 +80,7 @@ mod valleys;
 
 pub use adoption::adopted_sensor_errors;
 pub use bandwidth::{Bandwidth, NoBandwidth, choose_low_pass};
-pub use checked::{AxesCheck, identify_checked};
+pub use checked::identify_checked;
 pub use compare::{Comparison, compare_variants};
 pub use course::{Course, CoursePoint};
 pub(in crate::workflow) use drives::behind_gears;
@@ -98,7 +98,7 @@ pub use identified::Identified;
 pub use kept_records::{KeptRecord, MOST_SAMPLES, keep, read_kept};
 pub use labelled_record::LabelledRecord;
 pub use number::num;
-pub use observed_estimator::{Interim, Observer};
+pub use observed_estimator::{Interim, Observer, RecordCheck};
 pub use options::{Absent, FitOptions};
 pub use record_estimator::RecordEstimator;
 pub(in crate::workflow) use result::uncertain::budget as variance_budget;

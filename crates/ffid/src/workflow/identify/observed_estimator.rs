@@ -1,6 +1,8 @@
 //! Progress and interruption of a fit.
 
 use super::error::IdentifyError;
+use super::labelled_record::LabelledRecord;
+use super::settings::Settings;
 use ff_least_squares::EvalError;
 use ident::belief::Unknown;
 use ident::estimate::{Around, At, Centred, Coarse, Estimate, RowStream};
@@ -10,6 +12,9 @@ use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Refuses records by what is wrong with them, given the settings of the fit.
+pub type RecordCheck<'a> = &'a dyn Fn(&[LabelledRecord], &Settings) -> Result<(), IdentifyError>;
 
 /// Progress and interruption from outside.
 #[derive(Clone, Copy, Default)]
@@ -22,12 +27,14 @@ pub struct Observer<'a> {
     pub kept: Option<&'a RefCell<Option<Interim>>>,
     /// Whether a fit that is ended from outside is a result that has not ended ([`super::result::fit::Ended::Interrupted`]), and no error.
     pub partial: bool,
+    /// Asked where a first fit leads nowhere, before errors of the model and other starts are looked for, which takes minutes.
+    pub doubts: Option<RecordCheck<'a>>,
 }
 
 impl<'a> Observer<'a> {
     /// The same, for a fit beside the one that is asked for: it reports nothing and leaves nothing.
     pub fn aside(&self) -> Observer<'a> {
-        Observer { progress: None, kept: None, partial: false, ..*self }
+        Observer { progress: None, kept: None, partial: false, doubts: None, ..*self }
     }
     /// Whether it is to end.
     pub fn is_stopped(&self) -> bool {

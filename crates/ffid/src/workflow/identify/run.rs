@@ -393,6 +393,7 @@ fn solve(
             best = finished(request, best, estimator)?;
         }
         if leads_nowhere(&best, request.noise) && !(rigid && best.is_solution()) && !estimator.stopped() {
+            suspects.watch.doubts.map_or(Ok(()), |check| check(of.records, s))?;
             match suspects.found(&best)? {
                 Some(Found { estimate, tests: None }) => best = estimate,
                 Some(found) if found.is_all() => {

@@ -1,6 +1,6 @@
 //! The verdict in sentences: what is determined, whether the model explains the record, what would help.
 
-use crate::workflow::identify::evidence::{Harm, State};
+use crate::workflow::identify::evidence::{Evidence, Harm, State};
 use crate::workflow::identify::findings::{Minima, PriorConflict, ProfileLine, Whiteness};
 use crate::workflow::identify::number::num;
 use crate::workflow::identify::result::channel::Channel;
@@ -146,6 +146,7 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
     } else {
         tested(r, rms)
     });
+    out.extend(r.evidence.as_ref().and_then(Evidence::in_doubt));
     if r.method != Method::Ground && r.chi2_per_dof < QUIET {
         out.push(format!(
             "Residuals are {rms:.3} times the noise that was given: the sensors are quieter than that, and the standard \
