@@ -39,7 +39,7 @@ const EASED: [(f64, f64); 5] = [(1.0, 1.0), (3.0, 1.0), (1.0, 3.0), (1.0 / 3.0, 
 /// See [`EASED`]. Oscillations that die within periods cannot slip by periods.
 const DAMPED: f64 = 10.0;
 /// Factor on a spring up to which modes of a thinned record are allowed for: beyond, it has gone astray.
-const STIFFER: f64 = 10.0;
+const STIFFER: f64 = 3.0;
 /// Part of itself by which a spring or damper is hardly known.
 const HARDLY: f64 = 0.5;
 /// Starts drawn at random.
@@ -61,9 +61,9 @@ const BEYOND: f64 = 1.5;
 /// Change of a stiffness that shows which mode it belongs to.
 const NUDGE: f64 = 1.05;
 /// Promised relative reduction at which a try has shown where it leads.
-const SHOWN: f64 = 1e-4;
+pub(super) const SHOWN: f64 = 1e-4;
 /// Half of chi-squared by which another end must be lower to be another valley.
-const LOWER: f64 = 9.2;
+pub(super) const LOWER: f64 = 9.2;
 /// Rounds of such starts: a spring that has gone astray takes one, and so does the next.
 const ROUNDS: usize = 4;
 /// Rounds after which there is another although they have led nowhere, where everything is far off.
@@ -71,7 +71,7 @@ const AGAIN: usize = 2;
 /// How often a start that explains the thinned record, and has not ended after [`MOST`] linearisations, is led on.
 const LONGER: usize = 2;
 /// Linearisations of a pass after which it leads nowhere.
-const MOST: usize = 20;
+pub(super) const MOST: usize = 20;
 
 /// What a fit was of.
 pub(super) struct Subject<'a> {
@@ -172,7 +172,7 @@ pub(super) fn given_life(request: &Request<'_>, e: &Estimate) -> Vec<f64> {
 }
 
 /// The end of a fit with some of its parameters as the mission has them.
-fn given_back(request: &Request<'_>, e: &Estimate, which: impl Fn(usize) -> bool) -> Vec<f64> {
+pub(super) fn given_back(request: &Request<'_>, e: &Estimate, which: impl Fn(usize) -> bool) -> Vec<f64> {
     let mut out = e.values.clone();
     request.selected.iter().filter(|&&i| which(i)).for_each(|&i| out[i] = request.start[i]);
     out
@@ -386,12 +386,20 @@ fn untold(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
 }
 
 /// Parameters of the appendages of which one has vanished or strayed, or none is told where much is left over, and the end of the fit with all
-/// of them as the mission has them.
+/// of them as the mission has them. Near the record, a damper that is gone is no reason to look for springs that ring where the data do, while
+/// another appendage is lost by more than that.
 fn lost(request: &Request<'_>, e: &Estimate) -> (Vec<usize>, Vec<f64>) {
     let owner = |i: usize| owner(&request.decls[i].name);
-    let gone = request.selected.iter().copied().filter(|&i| has_vanished(request, e, i));
+    let positive = |i: usize| request.decls[i].group == ParamGroup::Positive;
+    let off = |i: usize| positive(i) && (has_vanished(request, e, i) || has_strayed(request, e, i));
     let untold = if explains(e) { Vec::new() } else { untold(request, e) };
-    let owners: Vec<_> = gone.chain(strayed(request, e)).chain(untold).map(owner).collect();
+    let owners_of = |is_off: &dyn Fn(usize) -> bool| -> Vec<Option<&str>> {
+        let all = request.selected.iter().copied().filter(|&i| is_off(i));
+        all.chain(untold.iter().copied()).map(owner).collect()
+    };
+    let near = e.chi2_per_dof < WIDE * request.noise;
+    let by_more = |i: usize| near && off(i) && !is_damping(&request.decls[i]);
+    let owners = Some(owners_of(&by_more)).filter(|o| !o.is_empty()).unwrap_or_else(|| owners_of(&off));
     let of: Vec<usize> = request.selected.iter().copied().filter(|&i| owners.contains(&owner(i))).collect();
     let back = given_back(request, e, |i| of.contains(&i));
     (of, back)
@@ -451,7 +459,7 @@ fn eased(request: &Request<'_>, bodies: f64, springs: f64) -> Vec<f64> {
 
 /// The start with every spring at least as stiff as in `other`: modes there are as fast as in either, which a thinned record has to follow. One
 /// that is [`STIFFER`] times stiffer there is no mode that anything should follow.
-fn stiffest(request: &Request<'_>, other: &[f64]) -> Vec<f64> {
+pub(super) fn stiffest(request: &Request<'_>, other: &[f64]) -> Vec<f64> {
     let mut out = request.start.to_vec();
     for &i in request.selected.iter().filter(|&&i| is_spring(request, i)) {
         if other[i] < STIFFER * out[i] {

@@ -7,6 +7,7 @@
 //!   RecordEstimator       Rda | OutputError for each record -> Several -> Tied -> estimate | best_of
 //!   suspects              errors that keep the fit from any answer
 //!   elsewhere, valleys    other starts where the fit ended in a wrong valley, minima beside its end
+//!   orders                springs of an appendage in the wrong order, where tests contradict the end
 //!   bends                 valleys that are no parabola within the deviations
 //!   known                 reduction, structural and unexcited directions, profiles of the likelihood, whiteness
 //!   explain, refit        tests of errors, and fits with the leading ones where the model is contradicted
@@ -57,6 +58,7 @@ mod noise_floor;
 pub(in crate::workflow) mod number;
 pub(crate) mod observed_estimator;
 pub(crate) mod options;
+mod orders;
 mod over_time;
 pub(crate) mod record_estimator;
 mod refit;

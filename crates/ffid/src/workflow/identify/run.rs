@@ -21,6 +21,7 @@ use super::mission_end::allow_for_mission;
 use super::noise_floor::noise_floor;
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
+use super::orders;
 use super::refit::Contradicted;
 use super::report::Report;
 use super::result::fit::{Ended as EndOfFit, Method};
@@ -61,6 +62,19 @@ pub fn identify(
     provenance: Provenance,
     watch: &Observer<'_>,
 ) -> Result<Identified, IdentifyError> {
+    identify_from(None, opened, records, settings, options, provenance, watch)
+}
+
+/// [`identify`], at first by a fit that begins at these unknowns, which another has found.
+fn identify_from(
+    begun: Option<&Estimate>,
+    opened: &Opened,
+    records: &[LabelledRecord],
+    settings: &Settings,
+    options: &FitOptions,
+    provenance: Provenance,
+    watch: &Observer<'_>,
+) -> Result<Identified, IdentifyError> {
     let model = &opened.model;
     if records.iter().all(|t| t.record.has_torques()) {
         check(opened, settings).map_err(IdentifyError::Refused)?;
@@ -92,7 +106,7 @@ pub fn identify(
     let mut watched = ObservedEstimator::new(&mut *whole, watch);
     let subject = Subject { model, records, unknowns, settings, sigma: &sigma };
     let suspects = Suspects { opened, records, settings: given.0, options: given.1, setup: &setup, watch, noise };
-    let fitted = solve(&request, &subject, options, &suspects, &mut watched);
+    let fitted = solve(&request, begun, &subject, options, &suspects, &mut watched);
     let ended = |at: &ObservedEstimator<'_>| {
         at.leave(|unknown| unknowns.expand(unknown));
         IdentifyError::Interrupted
@@ -175,6 +189,14 @@ pub fn identify(
     for p in result.parameters.iter_mut().chain(&mut result.nuisance).filter(|p| p.std.is_some()) {
         // Sums over lags may come out below zero, and then say nothing.
         p.std_coloured = coloured.iter().find(|(name, std)| *name == p.name && *std > 0.0).map(|c| c.1);
+    }
+    let contradicted = result.state() == State::Contradicted && ended_well && own.is_none() && goes_on();
+    if contradicted && begun.is_none() && options.more_starts == 0 && fitted.reduced.is_none() {
+        let lower = orders::lower(&request, &fitted.estimate, &mut watched);
+        if let Some(e) = lower.filter(|_| !watch.is_stopped()) {
+            let e = gone_on(e, &fitted.estimate, &request);
+            return identify_from(Some(&e), opened, records, given.0, given.1, result.provenance, watch);
+        }
     }
     if !shaken.is_empty() {
         result.warnings.push(said(&shaken));
@@ -372,6 +394,7 @@ fn followed(
 /// Fits; from several starts, and again with fewer unknowns, when asked to. With tests where an error keeps the fit from any answer.
 fn solve(
     request: &Request<'_>,
+    begun: Option<&Estimate>,
     of: &Subject<'_>,
     options: &FitOptions,
     suspects: &Suspects<'_>,
@@ -381,7 +404,13 @@ fn solve(
     let mut ending = if options.more_starts == 0 {
         let quick = Request { give_up: Some(WIDE), ..request.clone() };
         let tuned = || ringing::tuned(of, request);
-        let mut best = attempt(&Request { other_starts: Some(OtherStarts(&tuned)), ..quick.clone() }, estimator)?;
+        let mut best = match begun {
+            Some(before) => {
+                let on = Request { start: &before.values, centre: Some(request.start), coarse: false, ..quick.clone() };
+                gone_on(attempt(&on, estimator)?, before, request)
+            }
+            None => attempt(&Request { other_starts: Some(OtherStarts(&tuned)), ..quick.clone() }, estimator)?,
+        };
         // Ten linearisations may have led near the answer after all.
         if best.chi2_per_dof < WIDE * request.noise && !best.crept {
             best = finished(&quick, best, estimator)?;
