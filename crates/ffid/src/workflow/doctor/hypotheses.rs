@@ -238,9 +238,9 @@ impl Scales {
                 Output::MotorSide { factors } => out.torque.iter_mut().zip(factors).for_each(|(s, f)| *s *= f),
                 Output::OneTorqueUnit { joint, factor, .. } => out.torque[*joint] *= factor,
                 Output::GyroUnit { factor, .. } => out.gyro = *factor,
-                Output::TorqueGain { gain } => out.torque.iter_mut().for_each(|s| *s *= gain),
-                Output::GyroGain { gain } => out.gyro *= gain,
-                Output::Axis(_) | Output::Swapped { .. } | Output::Turned { .. } => {}
+                Output::TorqueGain(gain) => out.torque.iter_mut().for_each(|s| *s *= gain),
+                Output::GyroGain(gain) => out.gyro *= gain,
+                Output::Axis(_) | Output::Swapped { .. } | Output::Turned(_) => {}
             }
         }
         out

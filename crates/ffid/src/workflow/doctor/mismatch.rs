@@ -30,42 +30,23 @@ const OTHERS: std::ops::RangeInclusive<f64> = 0.3..=3.0;
 #[derive(Clone, Debug)]
 pub(super) enum Output {
     /// All torques are `factor` times too large; measured is the median of the ratios of amplitudes.
-    TorqueUnit {
-        factor: f64,
-        measured: f64,
-    },
+    TorqueUnit { factor: f64, measured: f64 },
     /// Torques are those of the motors, before gears: as many times too large (a number below one), for every joint.
-    MotorSide {
-        factors: Vec<f64>,
-    },
+    MotorSide { factors: Vec<f64> },
     /// One of them is.
-    OneTorqueUnit {
-        joint: usize,
-        factor: f64,
-        measured: f64,
-    },
+    OneTorqueUnit { joint: usize, factor: f64, measured: f64 },
     /// The gyro is.
-    GyroUnit {
-        factor: f64,
-        measured: f64,
-    },
+    GyroUnit { factor: f64, measured: f64 },
     /// Sign of a torque, or axes of the gyro.
     Axis(AxisMismatch),
     /// The columns of two torques are swapped.
-    Swapped {
-        joints: (usize, usize),
-    },
-    /// The gyro is mounted at an angle: it reads `rotation` times the rates in base axes.
-    Turned {
-        rotation: Rotation3<f64>,
-    },
-    /// The gyro, or all torques, read `gain` times what there is.
-    GyroGain {
-        gain: f64,
-    },
-    TorqueGain {
-        gain: f64,
-    },
+    Swapped { joints: (usize, usize) },
+    /// The gyro is mounted at an angle: it reads this rotation of the rates in base axes.
+    Turned(Rotation3<f64>),
+    /// The gyro reads so many times what there is.
+    GyroGain(f64),
+    /// All torques do.
+    TorqueGain(f64),
 }
 
 impl Output {
@@ -245,9 +226,9 @@ pub(super) fn apply(o: &Output, m: &mut DMatrix<f64>, nj: usize) {
         Output::OneTorqueUnit { joint, factor, .. } => m.column_mut(*joint).scale_mut(1.0 / factor),
         Output::GyroUnit { factor, .. } => m.columns_mut(nj, 3).scale_mut(1.0 / factor),
         Output::Swapped { joints: (i, j), .. } => m.swap_columns(*i, *j),
-        Output::TorqueGain { gain } => m.columns_mut(0, nj).scale_mut(1.0 / gain),
-        Output::GyroGain { gain } => m.columns_mut(nj, 3).scale_mut(1.0 / gain),
-        Output::Turned { rotation } => {
+        Output::TorqueGain(gain) => m.columns_mut(0, nj).scale_mut(1.0 / gain),
+        Output::GyroGain(gain) => m.columns_mut(nj, 3).scale_mut(1.0 / gain),
+        Output::Turned(rotation) => {
             // A row m^T = (R p)^T, of which R makes p^T.
             let rates = m.columns(nj, 3) * rotation.matrix();
             m.columns_mut(nj, 3).copy_from(&rates);

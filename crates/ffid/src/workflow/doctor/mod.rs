@@ -121,6 +121,19 @@ pub fn diagnose(
     Ok(Diagnosis::new(opened.model.name(), findings))
 }
 
+/// What is asked of a record as every part of the doctor sees it.
+fn as_case<V>(
+    opened: &Opened,
+    labelled: &LabelledRecord,
+    settings: &Settings,
+    of: impl FnOnce(&Case<'_>) -> Result<V, IdentifyError>,
+) -> Result<V, IdentifyError> {
+    let even = on_one_clock(labelled)?;
+    let (even, own, gains) = torques_behind(opened, &even, settings);
+    let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
+    of(&Case { gains, ..Case::new(opened, labelled, &even, (&own, settings), jumps)? })
+}
+
 /// Findings on one record.
 fn judged(
     opened: &Opened,
@@ -128,33 +141,37 @@ fn judged(
     warnings: Option<&Problems>,
     settings: &Settings,
 ) -> Result<Vec<Finding>, IdentifyError> {
-    let mut findings = Vec::new();
-    let even = on_one_clock(labelled)?;
-    let (even, own, gains) = torques_behind(opened, &even, settings);
-    let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
-    let case = Case { gains, ..Case::new(opened, labelled, &even, (&own, settings), jumps)? };
-    findings.push(gaps::finding(&case, warnings));
-    findings.extend(held::findings(&case));
-    let moves = excitation::findings(&case);
+    as_case(opened, labelled, settings, |case| findings_on(case, opened, settings, warnings))
+}
+
+fn findings_on(
+    case: &Case<'_>,
+    opened: &Opened,
+    settings: &Settings,
+    warnings: Option<&Problems>,
+) -> Result<Vec<Finding>, IdentifyError> {
+    let mut findings = vec![gaps::finding(case, warnings)];
+    findings.extend(held::findings(case));
+    let moves = excitation::findings(case);
     let still = moves.iter().any(|f| f.judgement == Judgement::Wrong);
     findings.extend(moves);
     if still || !is_predicted(&opened.model, settings) {
-        findings.extend(noise::findings(&case, &Scales::none(&case)));
+        findings.extend(noise::findings(case, &Scales::none(case)));
         return Ok(findings);
     }
-    let predicted = Prediction::new(&case, case.record);
-    let dead = predicted.as_ref().map_or_else(|_| Vec::new(), |p| dead::findings(&case, p));
+    let predicted = Prediction::new(case, case.record);
+    let dead = predicted.as_ref().map_or_else(|_| Vec::new(), |p| dead::findings(case, p));
     if !dead.is_empty() {
         // Nothing is told from what the others read of a base that has an axis too few.
         findings.extend(dead);
         return Ok(findings);
     }
-    let found = hypotheses::findings(&case);
+    let found = hypotheses::findings(case);
     let of_positions = |f: &Finding| f.channel.as_deref().is_some_and(|c| c == "q" || c.starts_with("q."));
-    let noise = noise::findings(&case, &found.scales);
+    let noise = noise::findings(case, &found.scales);
     findings.extend(noise.into_iter().filter(|f| found.motion_is_right || !of_positions(f)));
     if found.motion_is_right {
-        findings.extend(rest::findings(&case, predicted.as_ref().ok(), found.starts_in_motion));
+        findings.extend(rest::findings(case, predicted.as_ref().ok(), found.starts_in_motion));
     }
     let right = !found.findings.iter().any(|f| f.judgement == Judgement::Wrong);
     findings.extend(found.findings);
@@ -164,22 +181,22 @@ fn judged(
     }
     match (predicted, &found.fit) {
         (Ok(p), Some(fit)) => {
-            let at_the_end = clipped::judged(&case, &p, fit);
+            let at_the_end = clipped::judged(case, &p, fit);
             if !at_the_end.is_empty() {
                 findings.extend(at_the_end);
                 return Ok(findings);
             }
-            findings.extend(clocks::findings(&case, fit));
+            findings.extend(clocks::findings(case, fit));
             // Noise that is larger than stated looks like what was aliased.
             let noisy = findings.iter().any(|f| f.topic == Topic::Noise && f.judgement != Judgement::Good);
             let aliased = |f: &Finding| f.problem.as_ref().is_some_and(|p| p.code == "Data::Aliasing");
-            findings.extend(modes::findings(&case, opened)?.into_iter().filter(|f| !(noisy && aliased(f))));
+            findings.extend(modes::findings(case, opened)?.into_iter().filter(|f| !(noisy && aliased(f))));
             let bad = |f: &&Finding| f.record == case.label && f.judgement != Judgement::Good;
             let explained = findings.iter().filter(bad).any(|f| f.topic != Topic::Sensors);
-            findings.push(prior::finding(&case, &p, fit, explained));
+            findings.push(prior::finding(case, &p, fit, explained));
         }
-        (Err(e), _) => findings.push(prediction::failed(&case, &e.to_string())),
-        (_, None) => findings.push(prediction::failed(&case, "a quick fit failed")),
+        (Err(e), _) => findings.push(prediction::failed(case, &e.to_string())),
+        (_, None) => findings.push(prediction::failed(case, "a quick fit failed")),
     }
     Ok(findings)
 }
@@ -214,25 +231,26 @@ pub fn before_fit(opened: &Opened, labelled: &LabelledRecord, settings: &Setting
     if labelled.continues || !is_predicted(&opened.model, settings) {
         return Ok(Problems::default());
     }
-    let even = on_one_clock(labelled)?;
-    let (even, own, gains) = torques_behind(opened, &even, settings);
-    let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
-    let case = Case { gains, ..Case::new(opened, labelled, &even, (&own, settings), jumps)? };
-    let mut found = moving(&case)?;
+    as_case(opened, labelled, settings, useless)
+}
+
+/// See [`before_fit`].
+fn useless(case: &Case<'_>) -> Result<Problems, IdentifyError> {
+    let mut found = moving(case)?;
     let is_wrong = |f: &Finding| f.judgement == Judgement::Wrong;
     let wrong = |f: Finding| f.problem.filter(|_| f.judgement == Judgement::Wrong);
-    let predicted = Prediction::new(&case, case.record);
+    let predicted = Prediction::new(case, case.record);
     if let Ok(p) = &predicted {
-        let dead = dead::findings(&case, p);
+        let dead = dead::findings(case, p);
         if !dead.is_empty() {
             found.0.extend(dead.into_iter().filter_map(wrong));
             return Ok(found);
         }
     }
-    let of_outputs = hypotheses::before_fit(&case, predicted.as_ref().ok());
+    let of_outputs = hypotheses::before_fit(case, predicted.as_ref().ok());
     // What is off by a factor has the noise of another unit.
     if !of_outputs.iter().any(is_wrong) {
-        let noise = noise::findings(&case, &Scales::none(&case));
+        let noise = noise::findings(case, &Scales::none(case));
         found.0.extend(noise.into_iter().filter_map(|f| f.problem));
     }
     found.0.extend(of_outputs.into_iter().filter_map(wrong));
@@ -276,8 +294,5 @@ fn on_columns(
     if labelled.continues || !is_predicted(&opened.model, settings) {
         return Ok(Problems::default());
     }
-    let even = on_one_clock(labelled)?;
-    let (even, own, gains) = torques_behind(opened, &even, settings);
-    let jumps = own.drives.len() < settings.drives.len() || !gains.is_empty();
-    Ok(Problems(of(&Case { gains, ..Case::new(opened, labelled, &even, (&own, settings), jumps)? })))
+    as_case(opened, labelled, settings, |case| Ok(Problems(of(case))))
 }

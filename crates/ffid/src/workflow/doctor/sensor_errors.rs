@@ -62,8 +62,8 @@ fn followed(
 
 fn is_large(o: &Output) -> bool {
     match o {
-        Output::Turned { rotation } => rotation.angle() > LEAST_TURN,
-        Output::GyroGain { gain } | Output::TorqueGain { gain } => gain.ln().abs() > LEAST_GAIN,
+        Output::Turned(rotation) => rotation.angle() > LEAST_TURN,
+        Output::GyroGain(gain) | Output::TorqueGain(gain) => gain.ln().abs() > LEAST_GAIN,
         _ => false,
     }
 }
@@ -76,17 +76,17 @@ fn turn(of: &Prediction, joints: usize) -> Option<Output> {
     let (u, v_t) = (svd.u?, svd.v_t?);
     let proper = Matrix3::from_diagonal(&[1.0, 1.0, (u * v_t).determinant().signum()].into());
     let rotation = Rotation3::from_matrix_unchecked(u * proper * v_t);
-    rotation.matrix().iter().all(|x| x.is_finite()).then_some(Output::Turned { rotation })
+    rotation.matrix().iter().all(|x| x.is_finite()).then_some(Output::Turned(rotation))
 }
 
 fn gyro_gain(of: &Prediction, joints: usize) -> Option<Output> {
     let gain = gain(of.measured.columns(joints, 3), of.predicted.columns(joints, 3))?;
-    Some(Output::GyroGain { gain })
+    Some(Output::GyroGain(gain))
 }
 
 fn torque_gain(of: &Prediction, joints: usize) -> Option<Output> {
     let gain = gain(of.measured.columns(0, joints), of.predicted.columns(0, joints))?;
-    Some(Output::TorqueGain { gain })
+    Some(Output::TorqueGain(gain))
 }
 
 fn gain(m: DMatrixView<'_, f64>, p: DMatrixView<'_, f64>) -> Option<f64> {
@@ -115,14 +115,14 @@ mod tests {
             let rate = made * Vector3::new(p[(i, 2)], p[(i, 3)], p[(i, 4)]);
             (0..3).for_each(|k| m[(i, 2 + k)] = rate[k]);
         }
-        let Some(Output::Turned { rotation }) = turn(&prediction(m, p.clone()), 2) else { panic!("no turn") };
+        let Some(Output::Turned(rotation)) = turn(&prediction(m, p.clone()), 2) else { panic!("no turn") };
         assert!(rotation.angle_to(&made) < 1e-12);
         let mut m = p.clone();
         m.columns_mut(0, 2).scale_mut(0.7376);
         m.columns_mut(2, 3).scale_mut(2.1);
         let of = prediction(m, p);
-        assert!(matches!(torque_gain(&of, 2), Some(Output::TorqueGain { gain }) if (gain - 0.7376).abs() < 1e-12));
-        assert!(matches!(gyro_gain(&of, 2), Some(Output::GyroGain { gain }) if (gain - 2.1).abs() < 1e-12));
+        assert!(matches!(torque_gain(&of, 2), Some(Output::TorqueGain(gain)) if (gain - 0.7376).abs() < 1e-12));
+        assert!(matches!(gyro_gain(&of, 2), Some(Output::GyroGain(gain)) if (gain - 2.1).abs() < 1e-12));
     }
 
     #[test]
@@ -130,7 +130,7 @@ mod tests {
         let p = DMatrix::from_fn(200, 3, |i, k| (0.07 * i as f64 * (1.0 + 0.4 * k as f64) + k as f64).sin());
         let mut m = p.clone();
         m.column_mut(2).neg_mut();
-        let Some(Output::Turned { rotation }) = turn(&prediction(m, p), 0) else { panic!("no rotation") };
+        let Some(Output::Turned(rotation)) = turn(&prediction(m, p), 0) else { panic!("no rotation") };
         assert!((rotation.matrix().determinant() - 1.0).abs() < 1e-12);
     }
 }

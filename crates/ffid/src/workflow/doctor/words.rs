@@ -206,7 +206,7 @@ fn of_output(case: &Case<'_>, o: &Output, why: &Grounds) -> Finding {
             let text = p.message.clone();
             wrong(case, topic, p, text).figures(measured, 1.0, "")
         }
-        Output::Turned { rotation } => {
+        Output::Turned(rotation) => {
             let (axis, angle) = rotation.axis_angle().unwrap_or((Vector3::x_axis(), 0.0));
             let degrees = angle.to_degrees();
             let text = format!(
@@ -222,11 +222,11 @@ fn of_output(case: &Case<'_>, o: &Output, why: &Grounds) -> Finding {
                 .hint("turn its readings into the axes of the base; what is left of the angle can be estimated: --adopt gyro-misalignment");
             wrong(case, Topic::Axes, p, text).figures(degrees, 0.0, "deg")
         }
-        Output::GyroGain { gain } => {
+        Output::GyroGain(gain) => {
             let text = format!("rates are {}; {}", times(*gain), why.words());
             off_by(case, ("gyro", *gain), text, "gyro-scale")
         }
-        Output::TorqueGain { gain } => {
+        Output::TorqueGain(gain) => {
             let known = GAINS.iter().find(|(factor, _)| (gain / factor).ln().abs() < NEAR_GAIN);
             let known = known.map_or_else(String::new, |(factor, is)| format!(" ({is}: factor {factor:.4})"));
             let text = format!("torques are {}{known}; {}", times(*gain), why.words());

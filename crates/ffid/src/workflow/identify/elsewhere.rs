@@ -61,7 +61,7 @@ const BEYOND: f64 = 1.5;
 /// Change of a stiffness that shows which mode it belongs to.
 const NUDGE: f64 = 1.05;
 /// Promised relative reduction at which a try has shown where it leads.
-pub(super) const SHOWN: f64 = 1e-4;
+const SHOWN: f64 = 1e-4;
 /// Half of chi-squared by which another end must be lower to be another valley.
 pub(super) const LOWER: f64 = 9.2;
 /// Rounds of such starts: a spring that has gone astray takes one, and so does the next.
@@ -71,7 +71,7 @@ const AGAIN: usize = 2;
 /// How often a start that explains the thinned record, and has not ended after [`MOST`] linearisations, is led on.
 const LONGER: usize = 2;
 /// Linearisations of a pass after which it leads nowhere.
-pub(super) const MOST: usize = 20;
+const MOST: usize = 20;
 
 /// What a fit was of.
 pub(super) struct Subject<'a> {
@@ -299,12 +299,17 @@ fn best_start(
         Vec::new()
     };
     starts.extend(if far || !lost.is_empty() { [wide, near] } else { [near, wide] }.concat());
-    let max_iterations = MOST.min(request.settings.max_iterations);
-    let settings = Solver { decrement_tolerance: SHOWN, max_iterations, ..request.settings.clone() };
+    let settings = of_a_try(request);
     let led = |looked: &mut dyn Estimator| led_best(request, &settings, first, &starts, looked);
     // Where there is no thinner look at the record, or none that follows what is as fast as this, all of it leads.
     let thin = estimator.rough(&stiffest(request, &first.values)).and_then(|mut c| led(&mut *c.estimator));
     thin.or_else(|| led(estimator))
+}
+
+/// Settings of a pass that shows where a start leads.
+pub(super) fn of_a_try(request: &Request<'_>) -> Solver {
+    let max_iterations = MOST.min(request.settings.max_iterations);
+    Solver { decrement_tolerance: SHOWN, max_iterations, ..request.settings.clone() }
 }
 
 /// Where a start has led over the thinned record.
@@ -387,19 +392,18 @@ fn untold(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
 
 /// Parameters of the appendages of which one has vanished or strayed, or none is told where much is left over, and the end of the fit with all
 /// of them as the mission has them. Near the record, a damper that is gone is no reason to look for springs that ring where the data do, while
-/// another appendage is lost by more than that.
+/// another appendage is lost by more than that; far from it, what has strayed counts where no appendage is untold.
 fn lost(request: &Request<'_>, e: &Estimate) -> (Vec<usize>, Vec<f64>) {
     let owner = |i: usize| owner(&request.decls[i].name);
-    let positive = |i: usize| request.decls[i].group == ParamGroup::Positive;
-    let off = |i: usize| positive(i) && (has_vanished(request, e, i) || has_strayed(request, e, i));
-    let untold = if explains(e) { Vec::new() } else { untold(request, e) };
-    let owners_of = |is_off: &dyn Fn(usize) -> bool| -> Vec<Option<&str>> {
-        let all = request.selected.iter().copied().filter(|&i| is_off(i));
-        all.chain(untold.iter().copied()).map(owner).collect()
-    };
+    // What has vanished has strayed.
+    let strayed = strayed(request, e);
     let near = e.chi2_per_dof < WIDE * request.noise;
-    let by_more = |i: usize| near && off(i) && !is_damping(&request.decls[i]);
-    let owners = Some(owners_of(&by_more)).filter(|o| !o.is_empty()).unwrap_or_else(|| owners_of(&off));
+    let untold = if explains(e) { Vec::new() } else { untold(request, e) };
+    let by_more = strayed.iter().copied().filter(|&i| near && !is_damping(&request.decls[i])).chain(untold);
+    let mut owners: Vec<_> = by_more.map(owner).collect();
+    if owners.is_empty() {
+        owners = strayed.into_iter().map(owner).collect();
+    }
     let of: Vec<usize> = request.selected.iter().copied().filter(|&i| owners.contains(&owner(i))).collect();
     let back = given_back(request, e, |i| of.contains(&i));
     (of, back)

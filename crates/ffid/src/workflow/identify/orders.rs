@@ -5,7 +5,7 @@
 //! a wing of three hinges ended at chi-squared per degree of freedom 1.0065 (1.0042 in the right order) with residuals that stand out at nothing but what tests of
 //! errors find. So where the record contradicts a fit that comes near it, the springs of each appendage are exchanged.
 
-use super::elsewhere::{LOWER, MOST, NOWHERE, SHOWN, explains, given_back, is_spring, owner, stiffest};
+use super::elsewhere::{LOWER, NOWHERE, explains, given_back, is_spring, of_a_try, owner, stiffest};
 use super::observed_estimator::ObservedEstimator;
 use super::valleys::ASIDE;
 use ff_least_squares::Settings as Solver;
@@ -29,13 +29,12 @@ const ORDERS: usize = 3;
 /// The end of a fit that has begun at this one with the springs of an appendage in another order, if that is lower; `None` where none is, or the
 /// fit is far from the record, whatever the order. Allocates.
 pub(super) fn lower(request: &Request<'_>, end: &Estimate, estimator: &mut ObservedEstimator<'_>) -> Option<Estimate> {
-    let starts = if explains(end) { starts(request, end) } else { Vec::new() };
+    let springs: Vec<usize> = request.selected.iter().copied().filter(|&i| is_spring(request, i)).collect();
+    let starts = if explains(end) { starts(request, end, &springs) } else { Vec::new() };
     if starts.is_empty() {
         return None;
     }
-    let max_iterations = MOST.min(request.settings.max_iterations);
-    let settings = Solver { decrement_tolerance: SHOWN, max_iterations, ..request.settings.clone() };
-    let springs: Vec<usize> = request.selected.iter().copied().filter(|&i| is_spring(request, i)).collect();
+    let settings = of_a_try(request);
     let came_back = |e: &Estimate| springs.iter().all(|&i| (e.values[i] / end.values[i]).ln().abs() < SAME_VALLEY.ln());
     let led = |looked: &mut dyn Estimator| {
         let one = |start: &Vec<f64>| {
@@ -65,8 +64,7 @@ pub(super) fn lower(request: &Request<'_>, end: &Estimate, estimator: &mut Obser
 
 /// The end of a fit with the springs of each appendage in other orders, and its dampers as the mission has them, then in proportion to the springs:
 /// one in the wrong place may have vanished.
-fn starts(request: &Request<'_>, end: &Estimate) -> Vec<Vec<f64>> {
-    let springs: Vec<usize> = request.selected.iter().copied().filter(|&i| is_spring(request, i)).collect();
+fn starts(request: &Request<'_>, end: &Estimate, springs: &[usize]) -> Vec<Vec<f64>> {
     let of = |i: usize| owner(&request.decls[i].name);
     let mut owners: Vec<Option<&str>> = springs.iter().map(|&i| of(i)).collect();
     owners.dedup();
