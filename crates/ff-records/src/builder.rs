@@ -380,8 +380,11 @@ impl RecordBuilder {
         if let Some((_, att, _)) = columns.iter_mut().find(|c| c.0 == "att") {
             record_checks::unwrap_attitude(att, bad);
         }
+        let mut left_out: [Vec<usize>; 6] = Default::default();
+        let keep = stamps.is_some() || self.allow.iter().any(|code| code == "Data::Stuck");
         for (name, m, _) in columns.iter().filter(|c| !(still && c.0 == "gyro" || c.0 == "carried")) {
-            record_checks::stuck(name, m, &self.joint_names, &|i| time(name, i), bad);
+            let found = record_checks::stuck(name, m, &self.joint_names, &|i| time(name, i), keep, bad);
+            left_out[group_of(name) as usize].extend(found);
             if matches!(*name, "tau" | "gyro" | "acc") {
                 for (j, c) in m.column_iter().enumerate() {
                     let axis = if *name == "tau" { &self.joint_names[j] } else { ["x", "y", "z"][j] };
@@ -389,7 +392,6 @@ impl RecordBuilder {
                 }
             }
         }
-        let mut spiked: [Vec<usize>; 6] = Default::default();
         for (name, m, _) in columns.iter().filter(|c| matches!(c.0, "q" | "tau" | "gyro") && !(still && c.0 == "gyro"))
         {
             for (j, c) in m.column_iter().enumerate() {
@@ -397,11 +399,11 @@ impl RecordBuilder {
                 let keep = self.keep_spikes || stamps.is_some();
                 let found =
                     record_checks::spikes(&format!("{name}.{axis}"), c.as_slice(), &|i| time(name, i), keep, bad);
-                spiked[group_of(name) as usize].extend(found);
+                left_out[group_of(name) as usize].extend(found);
             }
         }
         let mut own_motion = bases.of(ChannelGroup::Motion).is_some();
-        for (group, out) in ChannelGroup::ALL.into_iter().zip(&mut spiked).filter(|(_, out)| !out.is_empty()) {
+        for (group, out) in ChannelGroup::ALL.into_iter().zip(&mut left_out).filter(|(_, out)| !out.is_empty()) {
             out.sort_unstable();
             out.dedup();
             let rows = columns.iter().find(|c| group_of(c.0) == group).map_or(0, |c| c.1.nrows());

@@ -23,6 +23,8 @@ const WIDEST: f64 = 2.5;
 const FEW: f64 = 0.01;
 /// Equal readings in a row that are a fault in a channel that hardly ever repeats one.
 const FROZEN: usize = 10;
+/// Largest part of a channel that is left out as frozen readings.
+const MOST_FROZEN: f64 = 0.2;
 /// How far the neighbours of a spike may be from minus half of it.
 const SHAPE: f64 = 0.35;
 
@@ -152,39 +154,74 @@ pub(crate) fn spikes(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, keep: b
 }
 
 /// Row D18. A torque or gyro channel that never changes is a dead sensor; one that holds still for a tenth
-/// of the record, or a joint that never moves, may be meant.
-pub(crate) fn stuck(name: &str, m: &DMatrix<f64>, joints: &[String], time: &dyn Fn(usize) -> f64, bad: &mut Problems) {
+/// of the record, or a joint that never moves, may be meant. Readings that freeze ([`frozen`]) are returned to be left out, but for the first of
+/// a stretch, unless they are more than [`MOST_FROZEN`] of a channel, or to be kept.
+pub(crate) fn stuck(
+    name: &str,
+    m: &DMatrix<f64>,
+    joints: &[String],
+    time: &dyn Fn(usize) -> f64,
+    keep: bool,
+    bad: &mut Problems,
+) -> Vec<usize> {
     let sensor = matches!(name, "tau" | "gyro");
+    let mut out = Vec::new();
     if !(sensor || name == "q") || m.nrows() < 8 {
-        return;
+        return out;
     }
     for (j, c) in m.column_iter().enumerate() {
-        let longest = longest(c.as_slice());
-        let (from, best) = (longest.start, longest.len());
+        let c = c.as_slice();
+        let longest = longest(c);
         let axis = if name == "gyro" { ["x", "y", "z"][j] } else { &joints[j] };
-        let (a, b) = (time(from), time(from + best));
-        let message = format!("holds exactly {} from {a:.3} to {b:.3} s of {:.3} s", c[from], time(c.len()));
-        let dead = best == c.len();
-        if dead && sensor {
-            let p = Problem::error(Area::Data, "Data::Stuck", message).on(format!("{name}.{axis}"));
-            bad.push(p.hint("check the sensor; for noise-free simulation allow Data::Stuck"));
-        } else if dead || (sensor && (best >= 50 && best * 10 >= c.len() || freezes(c.as_slice(), &longest))) {
-            let p = Problem::warning(Area::Data, "Data::Stuck", message).on(format!("{name}.{axis}"));
-            bad.push(if dead {
-                p
+        let at = format!("{name}.{axis}");
+        let holds = |run: &Range<usize>| {
+            let (a, b) = (time(run.start), time(run.end));
+            format!("holds exactly {} from {a:.3} to {b:.3} s of {:.3} s", c[run.start], time(c.len()))
+        };
+        let warn = |what: String, hint: &str| Problem::warning(Area::Data, "Data::Stuck", what).on(&at).hint(hint);
+        let dead = longest.len() == c.len();
+        if dead {
+            let p = if sensor { Problem::error } else { Problem::warning }(Area::Data, "Data::Stuck", holds(&longest));
+            let p = p.on(&at);
+            bad.push(if sensor { p.hint("check the sensor; for noise-free simulation allow Data::Stuck") } else { p });
+            continue;
+        }
+        let stretches = if sensor && longest.len() >= FROZEN { frozen(c) } else { Vec::new() };
+        let lost: usize = stretches.iter().map(|r| r.len() - 1).sum();
+        if let Some(first) = stretches.first() {
+            let few = lost as f64 <= MOST_FROZEN * c.len() as f64;
+            let also =
+                if stretches.len() > 1 { format!(", and {} times more", stretches.len() - 1) } else { String::new() };
+            let done = if keep || !few { "nothing was left out" } else { "they are left out" };
+            let what = format!(
+                "{}{also}: {lost} samples ({:.2} %, limit {:.0} % to leave them out) repeat the reading before them; {done}",
+                holds(first),
+                100.0 * lost as f64 / c.len() as f64,
+                100.0 * MOST_FROZEN
+            );
+            if few && !keep {
+                out.extend(stretches.into_iter().flat_map(|r| r.start + 1..r.end));
+                bad.push(warn(what, "check sensor and recorder; --allow stuck fits them"));
             } else {
-                p.hint("check sensor and recorder; cut the record where the reading is none")
-            });
+                bad.push(warn(what, "check sensor and recorder; cut the record where the reading is none"));
+            }
+        } else if sensor && longest.len() >= 50 && longest.len() * 10 >= c.len() {
+            bad.push(warn(holds(&longest), "check sensor and recorder; cut the record where the reading is none"));
         }
     }
+    out
 }
 
-/// Whether readings that hardly ever repeat the one before, since they have noise or move, do so all through `run`. From the first sample on
-/// a simulated robot without noise may be at rest.
-fn freezes(x: &[f64], run: &std::ops::Range<usize>) -> bool {
-    let repeats = |x: &[f64]| x.windows(2).filter(|w| w[0] == w[1]).count();
-    let elsewhere = repeats(&x[..run.start]) + repeats(&x[run.end..]);
-    run.len() >= FROZEN && run.start > 0 && elsewhere * 100 <= x.len() - run.len()
+/// Stretches over which readings that hardly ever repeat the one before, since they have noise or move, do so all the time. From the first
+/// sample on a simulated robot without noise may be at rest, and at the end of its range a sensor is saturated (row D17), unless that is zero.
+fn frozen(x: &[f64]) -> Vec<Range<usize>> {
+    let all: Vec<Range<usize>> = runs(x).filter(|r| r.len() > 1).collect();
+    let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+    let at_end = |v: f64| v != 0.0 && (v == low || v == high);
+    let freezes = |r: &Range<usize>| r.len() >= FROZEN && r.start > 0 && !at_end(x[r.start]);
+    let (long, short): (Vec<Range<usize>>, Vec<_>) = all.into_iter().partition(freezes);
+    let samples = |all: &[Range<usize>]| all.iter().map(ExactSizeIterator::len).sum::<usize>();
+    if (samples(&short) - short.len()) * 100 <= x.len() - samples(&long) { long } else { Vec::new() }
 }
 
 /// Row D22: unit norm to 1e-3, then normalised; q and -q are the same attitude, so signs are made continuous.
@@ -255,18 +292,28 @@ mod tests {
     #[test]
     fn d18_a_sensor_that_freezes_for_a_while_is_told_from_one_with_coarse_steps() {
         let wave: Vec<f64> = (0..2000).map(|k| 3.0 * (0.021 * k as f64 + 0.3).sin() + 0.02 * noise(k)).collect();
-        let told = |x: &[f64]| {
+        let judged = |x: &[f64], keep: bool| {
             let mut bad = Problems::default();
             let m = DMatrix::from_columns(&[wave.clone().into(), x.to_vec().into(), wave.clone().into()]);
-            stuck("gyro", &m, &[], &|i| i as f64 * 0.01, &mut bad);
-            bad
+            let out = stuck("gyro", &m, &[], &|i| i as f64 * 0.01, keep, &mut bad);
+            (out, bad)
         };
+        let told = |x: &[f64]| judged(x, false).1;
+        let out = |x: &[f64], keep: bool| judged(x, keep).0;
         let held = |from: usize, to: usize| -> Vec<f64> {
             wave.iter().enumerate().map(|(k, x)| if (from..to).contains(&k) { wave[from] } else { *x }).collect()
         };
         let p = told(&held(900, 960));
         assert!(p.has("Data::Stuck") && !p.has_errors() && p.to_string().contains("gyro.y: holds exactly"), "{p}");
         assert!(p.to_string().contains("from 9.000 to 9.600 s"), "{p}");
+        assert!(p.to_string().contains("59 samples") && out(&held(900, 960), false) == (901..960).collect::<Vec<_>>());
+        assert!(out(&held(900, 960), true).is_empty() && out(&held(900, 1700), false).is_empty());
+        let twice: Vec<f64> =
+            held(900, 960).iter().enumerate().map(|(k, x)| if k < 20 { wave[3] } else { *x }).collect();
+        let twice: Vec<f64> =
+            twice.iter().enumerate().map(|(k, x)| if (1300..1312).contains(&k) { 0.0 } else { *x }).collect();
+        // What begins the record may be rest.
+        assert_eq!(out(&twice, false), (901..960).chain(1301..1312).collect::<Vec<_>>(), "{}", told(&twice));
         assert!(told(&held(1900, 2000)).has("Data::Stuck"));
         assert!(told(&held(900, 905)).0.is_empty() && told(&wave).0.is_empty());
         // Steps as large as the noise, and a minute at rest.
