@@ -92,10 +92,13 @@ fn steps_follow_the_data() {
     let record = exact(&l, &run(&l, &planned(&l, 30.0, 10), 30.0)).thinned(10).unwrap();
     let decls = l.model.param_decls();
     let truth = Params::<f64>::nominal(&l.model).values().to_vec();
-    let of = |substeps: usize, limit: f64| {
-        let options = Options { substeps, step_error: Some(limit), ..Options::new(NOISE) };
+    // Under so much noise the record speaks against none of the springs.
+    let loud = Noise { torque: 1e3 * NOISE.torque, gyro: 1e3 * NOISE.gyro };
+    let under = |noise: &Noise, substeps: usize, limit: f64| {
+        let options = Options { substeps, step_error: Some(limit), ..Options::new(*noise) };
         OutputError::new(&l.model, &record, &options).unwrap()
     };
+    let of = |substeps: usize, limit: f64| under(&loud, substeps, limit);
     let error = |steps: usize| of(steps, 1.0).integration_error(&truth, &[]).unwrap();
     // A method of fourth order, and the error is what steps of a tenth of the length say that it is.
     let (coarse, fine) = (error(2), error(4));
@@ -118,6 +121,14 @@ fn steps_follow_the_data() {
     select(&decls, &["panel_*.k[*]"]).unwrap().iter().for_each(|&i| stiff[i] *= 10.0);
     assert!(suited.refine(&stiff, &[], FINEST).unwrap() && suited.steps() > steps, "{}", suited.steps());
     assert!(suited.integration_error(&stiff, &[]).unwrap() < 2.0 * limit);
+    // Where the record speaks against them, they need be no finer than what is left.
+    let mut far = under(&NOISE, steps, 1e3 * limit);
+    let mut r = vec![0.0; record.samples() * (l.model.nj() + 3)];
+    far.residuals(&stiff, &[], &mut r).unwrap();
+    far.refine(&stiff, &[], FINEST).unwrap();
+    assert!(far.steps() < suited.steps(), "{} {}", far.steps(), suited.steps());
+    let off = far.integration_error(&stiff, &[]).unwrap();
+    assert!((2e3 * limit..2e-3 * norm(&r)).contains(&off), "{off:e} {:e} {limit:e}", norm(&r));
     // So stiff that in the steps of the truth nothing is predicted at all, and so that no step follows.
     let mut stiffer = truth.clone();
     select(&decls, &["panel_*.k[*]"]).unwrap().iter().for_each(|&i| stiffer[i] *= 1e4);

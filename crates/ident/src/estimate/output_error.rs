@@ -46,6 +46,11 @@ const LEAST_SAMPLES: usize = 200;
 const BEGINNING: usize = 12;
 /// Factor on [`Options::step_error`] from which steps are made finer.
 const TOO_COARSE: f64 = 2.0;
+/// Where a fit leaves more than this mean square, the integration may be off by this part of what is left beyond: springs that have run away
+/// ask for hundreds of steps per sample, and there are no deviations there to be exact by.
+const FAR: f64 = 1.5;
+/// See [`FAR`].
+const OF_WHAT_IS_LEFT: f64 = 1e-3;
 /// Factor on the steps up to which they are made shorter until something is predicted.
 const SHORTEST: usize = 64;
 /// Beyond, a first pass would no longer be what takes the time.
@@ -142,12 +147,12 @@ impl<'a> OutputError<'a> {
     }
     /// [`OutputError::integration_error`] in the steps that it has, or in half of them and so on, where a mode is too fast for these or a damper too
     /// strong, and nothing is predicted; these steps stay, unless nothing is predicted in any.
-    fn predictable(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<f64, EvalError> {
+    fn predictable(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<Compared, EvalError> {
         let before = self.steps();
         let most = (SHORTEST.min(most) * before).min(FINEST);
         loop {
-            let failed = match self.integration_error(full, extra) {
-                Ok(error) if error.is_finite() => return Ok(error),
+            let failed = match self.compared(full, extra) {
+                Ok(found) if found.error.is_finite() => return Ok(found),
                 failed => failed,
             };
             if 2 * self.steps() > most {
@@ -179,6 +184,9 @@ impl<'a> OutputError<'a> {
     /// # Errors
     /// [`EvalError`].
     pub fn integration_error(&mut self, full: &[f64], extra: &[f64]) -> Result<f64, EvalError> {
+        self.compared(full, extra).map(|c| c.error)
+    }
+    fn compared(&mut self, full: &[f64], extra: &[f64]) -> Result<Compared, EvalError> {
         let (mut coarse, mut fine) = (vec![0.0; self.rows.count()], vec![0.0; self.rows.count()]);
         let steps = self.steps();
         for (many, r) in [(steps, &mut coarse), (2 * steps, &mut fine)] {
@@ -187,7 +195,7 @@ impl<'a> OutputError<'a> {
             }
         }
         let squares: f64 = coarse.iter().zip(&fine).map(|(a, b)| (a - b).powi(2)).sum();
-        Ok(16.0 / 15.0 * squares.sqrt())
+        Ok(Compared { error: 16.0 / 15.0 * squares.sqrt(), residual: fine.iter().map(|b| b * b).sum() })
     }
     /// Residuals in so many steps per sample, with tables that are not kept.
     fn predict_in(&self, steps: usize, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
@@ -315,6 +323,15 @@ fn by_spans(
 /// Steps per sample at which those that make this error make no more than the limit.
 fn steps_for(limit: f64, steps: usize, error: f64) -> usize {
     ((steps as f64 * (error / limit).powf(0.25)).ceil() as usize).clamp(1, FINEST)
+}
+
+/// Residuals in two numbers of steps.
+#[derive(Clone, Copy)]
+struct Compared {
+    /// [`OutputError::integration_error`].
+    error: f64,
+    /// Sum of squares in the shorter ones.
+    residual: f64,
 }
 
 /// What disturbs the motion, in the order of the rows' list.
@@ -510,9 +527,11 @@ impl Estimator for OutputError<'_> {
     fn refine(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<bool, EvalError> {
         let Some(limit) = self.rows.options.step_error else { return Ok(false) };
         let before = self.steps();
-        let error = self.predictable(full, extra, most)?;
+        let Compared { error, residual } = self.predictable(full, extra, most)?;
         let steps = self.steps();
         self.error = Some((error, steps));
+        let left = (residual - FAR * self.rows.count() as f64).max(0.0).sqrt();
+        let limit = limit.max(OF_WHAT_IS_LEFT * left);
         let finer = steps_for(limit, steps, error);
         if error > TOO_COARSE * limit && finer > steps {
             if finer > most.saturating_mul(before) {
