@@ -183,6 +183,33 @@ fn an_encoder_that_is_off_is_no_clock() {
 }
 
 #[test]
+#[ignore = "full tier: 6 s"]
+fn a_clock_of_the_whole_record_that_runs_fast_is_named_and_no_error_of_the_robot() {
+    let dir = tempfile::tempdir().unwrap();
+    world(dir.path(), 71, |_, x| x[0] *= 1.01, |m| m);
+    let (code, r) = identify(dir.path(), &[]);
+    let best = &r["evidence"]["named"][0];
+    let (value, std) = (best["size"][0]["value"].as_f64().unwrap(), best["size"][0]["std"].as_f64().unwrap());
+    assert!(code == 16 && best["name"] == "clock-rate" && (value - 0.01).abs() < 1e-3 && std < 5e-4, "{code} {best}");
+}
+
+/// Torques of ten deviations by the end: fits with the drift begin at the biases that the first has found.
+#[test]
+#[ignore = "full tier: 6 s"]
+fn a_torque_that_drifts_far_is_fitted_and_nothing_is_left() {
+    let dir = tempfile::tempdir().unwrap();
+    let drift = |names: &[String], x: &mut [f64]| {
+        let j = names.iter().position(|n| n.starts_with("tau.elbow")).unwrap();
+        x[j] += 0.012 * x[0];
+    };
+    world(dir.path(), 72, drift, |m| m);
+    let (code, r) = identify(dir.path(), &[]);
+    let (e, best) = (&r["evidence"], &r["evidence"]["named"][0]);
+    assert!(code == 16 && best["name"] == "torque-drift.elbow" && best["refitted"] == true, "{code} {e}");
+    assert!((best["size"][0]["value"].as_f64().unwrap() - 0.012).abs() < 2e-4 && e["with_first"] == "explained", "{e}");
+}
+
+#[test]
 #[ignore = "full tier: 3 s"]
 fn a_drift_that_moves_nothing_is_named_and_does_not_contradict() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,7 +1,7 @@
 //! Errors so large that no fit follows the record: what keeps it from any answer is named, in the time of a few fits.
 
 use crate::common::ffid;
-use crate::evidence::{noisy, simulated};
+use crate::evidence::{noisy, simulated, world};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -85,4 +85,55 @@ fn an_encoder_that_is_off_is_named_beside_a_client_that_hides_it() {
     let ((mass, std), (turned, by)) = (size("held.hand", "mass"), size("encoder-offset.elbow", ""));
     assert!((mass - 31.0).abs() < 4.0 * std && std < 3.0, "{mass} +- {std}");
     assert!((turned + 0.05).abs() < 4.0 * by && by < 1e-3, "{turned} +- {by}");
+}
+
+/// A mission without the tank, `[[appendage]]` and unknowns.
+fn without_tank(mission: String) -> String {
+    let at = mission.rfind("[[appendage]]").unwrap();
+    let end = mission.find("[sensors]").unwrap();
+    assert!(mission[at..end].contains("slosh_pendulum"));
+    let tankless = format!("{}{}", &mission[..at], &mission[end..]);
+    tankless.replace(", \"tank.mass\", \"tank.k[*]\"", "")
+}
+
+#[test]
+#[ignore = "full tier: 30 s"]
+fn a_tank_that_the_mission_lacks_is_named_where_nothing_follows_the_record_without_it() {
+    let dir = tempfile::tempdir().unwrap();
+    world(dir.path(), 67, |_, _| {}, without_tank);
+    let (code, r) = identify(dir.path(), &["--record", "rec.csv"]);
+    let first = &r["evidence"]["named"][0];
+    assert!(code == 16 && r["evidence"]["state"] == "contradicted" && first["name"] == "extra-mode", "{code} {first}");
+    let size = |name: &str| -> f64 {
+        let all = first["size"].as_array().unwrap();
+        all.iter().find(|c| c["name"] == name).unwrap_or_else(|| panic!("{name}: {first}"))["value"].as_f64().unwrap()
+    };
+    // 46.5 kg at rest at (0.15, -0.37, 0.98) m or so: a pendulum swings, which modes do not.
+    assert!((size("mass") / 46.5 - 1.0).abs() < 0.25, "{first}");
+    for (name, at) in [("x", 0.13), ("y", -0.34), ("z", 0.71)] {
+        assert!((size(name) - at).abs() < 0.45, "{name}: {first}");
+    }
+}
+
+/// The record without its first rows: the base turns, and all that moves does.
+fn cut(dir: &Path, rows: usize) {
+    let text = fs::read_to_string(dir.join("rec.csv")).unwrap();
+    let (head, all) = text.split_once('\n').unwrap();
+    let left: Vec<&str> = all.lines().skip(rows).collect();
+    fs::write(dir.join("cut.csv"), format!("{head}\n{}\n", left.join("\n"))).unwrap();
+}
+
+#[test]
+#[ignore = "full tier: 15 s"]
+fn a_start_in_motion_is_found_however_far_the_first_fit_is_led() {
+    let dir = tempfile::tempdir().unwrap();
+    world(dir.path(), 68, |_, _| {}, |m| m.replace("mass_kg = 46.5", "mass_kg = 30.0"));
+    cut(dir.path(), 450);
+    let (code, r) = identify(dir.path(), &["--record", "cut.csv"]);
+    let warned = r["warnings"].to_string();
+    assert!(
+        code == 0 && r["evidence"]["state"] == "explained" && warned.contains("Data::NotAtRest"),
+        "{code} {warned} {}",
+        r["evidence"]
+    );
 }

@@ -556,7 +556,7 @@ impl<'a> OutputRows<'a> {
             let slope = slope.map(|o| o.slope(&w.values[group], w.first, of[group].clone()));
             let (first, stride) = self.place(of, group);
             for (k, source) in self.errors.of.iter().enumerate() {
-                if source.acts_on() == ActsOn::Readings(group)
+                if source.acts_on().readings(group)
                     && let Some(to) = of_sensors[col + k]
                 {
                     let readings = (group, of[group].clone());

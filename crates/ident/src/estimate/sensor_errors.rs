@@ -163,6 +163,8 @@ impl SensorErrors {
                     gain.iter_mut().for_each(|g| *g += e);
                 }
                 (0, ErrorSource::TorqueGain(Some(c))) | (1, ErrorSource::GyroScale(Some(c))) => gain[*c] += e,
+                (0, ErrorSource::ClockRate) => gain.iter_mut().for_each(|g| *g += e * (2.0 + e)),
+                (1, ErrorSource::ClockRate) => gain.iter_mut().for_each(|g| *g += e),
                 (1, ErrorSource::GyroRotation(c)) => rotation[*c] += e,
                 (0, ErrorSource::DriveGain(j)) => {
                     current.resize(channels, 1.0);
@@ -308,6 +310,14 @@ impl SensorErrors {
                     Some(c) => put(row, c, values[(row, c)] * effect.scale(c)),
                     None => (0..channels).for_each(|c| put(row, c, values[(row, c)] * effect.scale(c))),
                 },
+                ErrorSource::ClockRate if group == 0 => {
+                    let by = 2.0 * (1.0 + e[k]);
+                    (0..channels).for_each(|c| put(row, c, by * values[(row, c)] * effect.scale(c)));
+                }
+                ErrorSource::ClockRate => {
+                    let w = effect.turned(gyro(values, row));
+                    (0..3).for_each(|c| put(row, c, w[c]));
+                }
                 ErrorSource::DriveGain(c) => {
                     let bias = bias.get(c).copied().unwrap_or(0.0);
                     let torque = self.of_torque(&effect, i, c, values[(row, c)]).0 + self.added(e, group, i, c) + bias;

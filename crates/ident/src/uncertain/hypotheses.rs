@@ -121,6 +121,7 @@ fn sensors(model: &Model) -> Vec<Hypothesis> {
         Hypothesis::one("gyro-clock", "a gyro that is late", "gyro.delay", "s"),
         Hypothesis::one("torque-clock-rate", "a clock of the torques that runs slowly", "torque.skew", "1"),
         Hypothesis::one("gyro-clock-rate", "a clock of the gyro that runs slowly", "gyro.skew", "1"),
+        Hypothesis::one("clock-rate", "a clock of the whole record that runs fast", "clock.rate", "1"),
     ];
     for axis in AXES {
         let words = format!("a scale of the gyro's {axis} axis");

@@ -55,6 +55,10 @@ pub enum ErrorSource {
     GyroWalk(usize, WalkPart),
     /// How slowly the clock of the gyro runs, relative.
     GyroSkew,
+    /// How fast the clock of the whole record runs, relative. By a time that runs fast by `e` joints move slower by `e` than they did, so that a model
+    /// in it predicts `1 / (1 + e)` of what the gyro read and `1 / (1 + e)^2` of the torques, while springs and dampers take values for which all else is the
+    /// same: nothing but sensors brings a unit of time of its own.
+    ClockRate,
     /// Compliance between an encoder on the motor's side and the link (rad/(N m)).
     Compliance(usize),
     /// Constant force on the base at its origin along one of its axes (N).
@@ -91,8 +95,17 @@ impl WalkPart {
 pub(crate) enum ActsOn {
     /// The readings of torques (0) or of the gyro (1).
     Readings(usize),
+    /// Those of both.
+    AllReadings,
     /// The motion.
     Motion,
+}
+
+impl ActsOn {
+    /// Whether it acts on the readings of this group.
+    pub(crate) fn readings(self, group: usize) -> bool {
+        self == Self::AllReadings || self == Self::Readings(group)
+    }
 }
 
 impl ErrorSource {
@@ -110,6 +123,7 @@ impl ErrorSource {
         out.extend(each(Self::GyroDrift, 3));
         out.extend(each(Self::Force, 3));
         out.extend(each(Self::Moment, 3));
+        out.push(Self::ClockRate);
         out
     }
     /// Its name, `torque.gain.elbow`, given those of the joints.
@@ -131,6 +145,7 @@ impl ErrorSource {
             Self::GyroDrift(i) => format!("gyro.drift.{}", AXES[i]),
             Self::GyroWalk(i, part) => format!("gyro.walk.{}[{}]", AXES[i], part.index),
             Self::GyroSkew => "gyro.skew".into(),
+            Self::ClockRate => "clock.rate".into(),
             Self::Compliance(j) => format!("compliance.{}", joints[j]),
             Self::Force(i) => format!("wrench.f{}", AXES[i]),
             Self::Moment(i) => format!("wrench.n{}", AXES[i]),
@@ -150,7 +165,7 @@ impl ErrorSource {
     /// Its SI unit; of turning joints, for those of a joint.
     pub fn unit(&self) -> &'static str {
         match self {
-            Self::TorqueGain(_) | Self::GyroScale(_) | Self::TorqueSkew | Self::GyroSkew => "1",
+            Self::TorqueGain(_) | Self::GyroScale(_) | Self::TorqueSkew | Self::GyroSkew | Self::ClockRate => "1",
             Self::TorqueDrift(_) => "N m/s",
             Self::Joint(_, term) => term.unit(false),
             Self::DriveGain(_) => "N m/A",
@@ -178,6 +193,7 @@ impl ErrorSource {
             | Self::GyroDrift(_)
             | Self::GyroWalk(..)
             | Self::GyroSkew
+            | Self::ClockRate
             | Self::Force(_)
             | Self::Moment(_)
             | Self::Oscillator(..) => false,
@@ -187,9 +203,10 @@ impl ErrorSource {
     pub fn size(&self, torque: f64, gyro: f64, seconds: f64) -> f64 {
         match self {
             Self::TorqueGain(_) | Self::GyroScale(_) | Self::GyroRotation(_) | Self::DriveGain(_) => 1e-2,
-            Self::TorqueSkew | Self::GyroSkew => 1e-3,
-            Self::TorqueDrift(_) => torque / seconds,
-            Self::GyroDrift(_) => gyro / seconds,
+            Self::TorqueSkew | Self::GyroSkew | Self::ClockRate => 1e-3,
+            // What stands out of one reading by the end: steps of a fit are held to a few sizes.
+            Self::TorqueDrift(_) => 10.0 * torque / seconds,
+            Self::GyroDrift(_) => 10.0 * gyro / seconds,
             Self::Joint(_, JointTerm::Load) => 1e-2,
             Self::Joint(..) | Self::TorqueWalk(..) | Self::Moment(_) | Self::Force(_) => torque,
             Self::GyroWalk(..) => gyro,
@@ -201,7 +218,9 @@ impl ErrorSource {
     /// Whether a robot of so many joints, with so many oscillators, has it.
     pub(crate) fn exists(&self, joints: usize, oscillators: usize) -> bool {
         match *self {
-            Self::TorqueGain(None) | Self::GyroScale(None) | Self::TorqueSkew | Self::GyroSkew => true,
+            Self::TorqueGain(None) | Self::GyroScale(None) | Self::TorqueSkew | Self::GyroSkew | Self::ClockRate => {
+                true
+            }
             Self::TorqueGain(Some(j))
             | Self::TorqueDrift(j)
             | Self::TorqueWalk(j, _)
@@ -235,6 +254,7 @@ impl ErrorSource {
             Self::GyroScale(_) | Self::GyroRotation(_) | Self::GyroDrift(_) | Self::GyroWalk(..) | Self::GyroSkew => {
                 ActsOn::Readings(1)
             }
+            Self::ClockRate => ActsOn::AllReadings,
             Self::Compliance(_) | Self::Force(_) | Self::Moment(_) | Self::Oscillator(..) => ActsOn::Motion,
         }
     }

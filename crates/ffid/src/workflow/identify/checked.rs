@@ -19,6 +19,7 @@ use super::result::parameter::Parameter;
 use super::result::provenance::Provenance;
 use super::run::identify;
 use super::settings::Settings;
+use super::suspects::{IN_MOTION, may_turn};
 use crate::open::Opened;
 use ff_model::{Area, Problem, Problems};
 use ident::checks::{ClockPolicy, MomentumChange, RecordChecks, momentum_change};
@@ -55,7 +56,9 @@ pub fn identify_checked(
     if found.result.chi2_per_dof > s.limit {
         axes(records, &s)?;
     }
-    let moving_may_be = speaks_for(&found, &["start-in-motion"]);
+    // Where a fit has not ended, what would lower chi-squared there says little against records that begin at rest.
+    let seen = || found.result.status.is_solution() || records.iter().any(|t| may_turn(&t.record));
+    let moving_may_be = speaks_for(&found, &[IN_MOTION]) && seen();
     if found.result.chi2_per_dof > s.limit
         && !s.initial_state
         && moving_may_be

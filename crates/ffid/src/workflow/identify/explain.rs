@@ -248,7 +248,7 @@ fn can_be(n: &NamedError) -> bool {
     match n.name.split('.').next().unwrap_or_default() {
         "torque-gain" | "gyro-scale" => size <= 2.0,
         "gyro-misalignment" | "encoder-offset" | "joint-axis" | "mount-rotation" => size <= std::f64::consts::PI,
-        "torque-clock-rate" | "gyro-clock-rate" => size <= 0.1,
+        "torque-clock-rate" | "gyro-clock-rate" | "clock-rate" => size <= 0.1,
         "mass" => n.size.iter().all(|c| c.unit != "1" || c.value > -1.0),
         _ => true,
     }
@@ -318,7 +318,9 @@ fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: 
             } else {
                 format!(", and so would {}, between which the record does not choose", others.join(", or "))
             };
-            format!("{seen}; {} would explain it ({moved}){others}", together.join(" beside "))
+            // What several do together is the sum of what first order says of each.
+            let how = if first.len() > 2 { ", to first order," } else { "" };
+            format!("{seen}; {} would{how} explain it ({moved}){others}", together.join(" beside "))
         }
     }
 }

@@ -5,7 +5,7 @@ use super::error::IdentifyError;
 use super::evidence::{EXTRA_MODE, ErrorSize, NamedError};
 use super::fitted::Ended;
 use super::known;
-use super::mounted_mode::Mounted;
+use super::mounted_mode::{Mounted, base_held};
 use super::number::num;
 use super::record_estimator::Twin;
 use super::settings::Settings;
@@ -13,6 +13,7 @@ use super::survey::{Columns, Survey};
 use crate::open::Opened;
 use ff_linalg::fourier::RealFft;
 use ff_model::Model;
+use flex_panel::modal::Mode;
 use ident::uncertain::{ELEMENTS, Hypothesis, Oscillator, Ranking, Searched, Shape, elements, evidence};
 use nalgebra::DMatrix;
 
@@ -74,8 +75,12 @@ impl ExtraMode {
     }
     /// The robot with it, for a fit.
     pub(super) fn mounted(&self, end: &Ended<'_>, opened: &Opened) -> Option<Mounted> {
+        Mounted::with(opened, &self.modes(end)?)
+    }
+    /// Its coordinates as modes with the base held.
+    pub(super) fn modes(&self, end: &Ended<'_>) -> Option<Vec<Mode>> {
         let Oscillator { frequency_hz, damping_ratio, .. } = self.oscillator;
-        Mounted::new(end, opened, &self.shape.momenta, frequency_hz, damping_ratio)
+        base_held(end, &self.shape.momenta, frequency_hz, damping_ratio)
     }
     /// Numbers that were adjusted: frequency, damping, and momenta per coordinate but for how coordinates are mixed.
     fn freedom(&self) -> usize {

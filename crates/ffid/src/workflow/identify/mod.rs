@@ -5,7 +5,7 @@
 //!   Unknowns              parameters, ties, priors, start
 //!   drives                channels on the motor's side: friction, reflected inertia, gains of currents
 //!   RecordEstimator       Rda | OutputError for each record -> Several -> Tied -> estimate | best_of
-//!   suspects              errors that keep the fit from any answer
+//!   suspects, missing_mode   errors that keep the fit from any answer, an appendage that the mission lacks among them
 //!   elsewhere, valleys    other starts where the fit ended in a wrong valley, minima beside its end
 //!   orders                springs of an appendage in the wrong order, where tests contradict the end
 //!   bends                 valleys that are no parabola within the deviations
@@ -50,6 +50,7 @@ pub(crate) mod identified;
 mod kept_records;
 pub(crate) mod known;
 pub(crate) mod labelled_record;
+mod missing_mode;
 mod mission_end;
 mod mixture;
 pub mod model_files;

@@ -14,6 +14,7 @@
 use super::evidence::{ErrorSize, NamedError};
 use super::fitted::Ended;
 use super::number::num;
+use super::unknowns::Unknowns;
 use crate::open::Opened;
 use core::f64::consts::TAU;
 use ff_dynamics::{State, Work, mass_matrix};
@@ -43,26 +44,14 @@ pub(super) struct Mounted {
 }
 
 impl Mounted {
-    /// With modes of these momentum coefficients (columns), frequency (Hz) and damping ratio as a record shows them. `None` where the
-    /// base is too light for them.
-    pub(super) fn new(end: &Ended<'_>, opened: &Opened, momenta: &DMatrix<f64>, hz: f64, damping: f64) -> Option<Self> {
-        let whole = inertia(end)?.try_inverse()?;
-        let mode = |k: usize| {
-            let n = Vector6::from_column_slice(momenta.column(k).as_slice());
-            let g = n.dot(&(whole * n));
-            let left = 1.0 / (1.0 + g);
-            let frequency_hz = hz * left.sqrt();
-            // d = 2 zeta omega_free (1 - mu) of a unit modal mass.
-            let damping_ratio = (damping * left.sqrt()).min(0.9);
-            Mode { frequency_hz, damping_ratio, participation: n * left.sqrt() }
-        };
-        let modes: Vec<Mode> = (0..momenta.ncols()).map(mode).collect();
+    /// With these modes, the base held. `None` where the base is too light for them.
+    pub(super) fn with(opened: &Opened, modes: &[Mode]) -> Option<Self> {
         let sum = |from: usize| -> f64 {
             modes.iter().map(|m| m.participation.fixed_rows::<3>(from).norm_squared()).sum::<f64>()
         };
         let (mass, moment) = ((2.0 * sum(0)).max(1e-9), (2.0 * sum(3)).max(1e-9));
         let sphere = Inertia::from_com(mass, &Vector3::zeros(), &(Matrix3::identity() * moment));
-        let appendage = ModalAppendage::new(sphere, &modes).ok()?;
+        let appendage = ModalAppendage::new(sphere, modes).ok()?;
         let mut opened = opened.clone();
         opened.model.mount(NAME, 0, Xform::identity(), appendage).ok()?;
         let prefix = |kind: &str| format!("{NAME}.{kind}[");
@@ -73,6 +62,24 @@ impl Mounted {
         let taken = [("mass", mass), ("i_xx", moment), ("i_yy", moment), ("i_zz", moment)];
         let taken = taken.into_iter().map(|(n, x)| (format!("base.{n}"), x)).collect();
         Some(Self { opened, taken, modes: modes.len() })
+    }
+    /// The modes as a fit has found them.
+    pub(super) fn modes_at(&self, e: &Estimate) -> Option<Vec<Mode>> {
+        let of = |name: String| e.parameters.iter().find(|p| p.name == name).map(|p| p.value);
+        let mode = |j: usize| {
+            let omega = of(format!("{NAME}.k[{j}]"))?.sqrt();
+            let damping_ratio = of(format!("{NAME}.d[{j}]"))? / (2.0 * omega);
+            let part: Option<Vec<f64>> = DIRECTIONS.iter().map(|i| of(format!("{NAME}.part[{j}].{i}"))).collect();
+            Some(Mode { frequency_hz: omega / TAU, damping_ratio, participation: Vector6::from_vec(part?) })
+        };
+        (0..self.modes).map(mode).collect()
+    }
+    /// Where unknowns of a fit with it begin: those of the fit without at `values`, less what the sphere takes of them.
+    pub(super) fn start(&self, values: &BTreeMap<String, f64>, unknowns: &Unknowns) -> Vec<f64> {
+        let mut start = unknowns.at(values);
+        let taken = |name: &str| self.taken.get(name).copied().unwrap_or(0.0);
+        start.iter_mut().zip(&unknowns.decls).for_each(|(x, d)| *x -= taken(&d.name));
+        start
     }
     /// Numbers that were adjusted for it: frequency, damping and participation of each mode.
     pub(super) fn freedom(&self) -> usize {
@@ -98,6 +105,21 @@ impl Mounted {
         line.mission = point.as_ref().and_then(|p| found.pendulum(base, p)).unwrap_or_else(|| found.modal(base));
         true
     }
+}
+
+/// Modes of these momentum coefficients (columns), frequency (Hz) and damping ratio, as a record shows them, with the base held.
+pub(super) fn base_held(end: &Ended<'_>, momenta: &DMatrix<f64>, hz: f64, damping: f64) -> Option<Vec<Mode>> {
+    let whole = inertia(end)?.try_inverse()?;
+    let mode = |k: usize| {
+        let n = Vector6::from_column_slice(momenta.column(k).as_slice());
+        let g = n.dot(&(whole * n));
+        let left = 1.0 / (1.0 + g);
+        let frequency_hz = hz * left.sqrt();
+        // d = 2 zeta omega_free (1 - mu) of a unit modal mass.
+        let damping_ratio = (damping * left.sqrt()).min(0.9);
+        Mode { frequency_hz, damping_ratio, participation: n * left.sqrt() }
+    };
+    Some((0..momenta.ncols()).map(mode).collect())
 }
 
 /// Inertia of the whole robot about its base's origin, linear before angular, at the pose and the values where a fit has ended.

@@ -22,11 +22,11 @@ use super::settings::{Settings, method};
 use super::signals::Signals;
 use super::unknowns::Unknowns;
 use crate::open::Opened;
-use ident::Request;
+use ident::belief::Unknown;
 use ident::compose::is_called;
 use ident::estimate::{Estimate, attempt};
 use ident::uncertain::{Hypothesis, evidence};
-use std::collections::BTreeMap;
+use ident::{Estimator, Request};
 
 /// Candidates that are fitted.
 const LEADING: usize = 3;
@@ -45,7 +45,7 @@ const ANEW: usize = 4;
 pub(super) const MOST_ANEW: usize = 60;
 /// Part of what is left over below which the errors that were tried explain nothing.
 pub(super) const UNEXPLAINED: f64 = 0.5;
-/// Part of the cost of the first that one of them must leave at most.
+/// Part of what the first leaves beyond noise that one of them must leave at most.
 const EXPLAINS: f64 = 0.5;
 
 /// A fit that its record contradicts, or that has not ended, and what it was made of.
@@ -119,6 +119,14 @@ impl Contradicted<'_, '_> {
             first.beside = false;
         }
         found.sort_by(|a, b| worth(&b.line).total_cmp(&worth(&a.line)));
+        // What the error has led the first fit to may be another valley, from which none leads back.
+        if self.over_noise() > WIDE
+            && let Some(best) = found.first().filter(|f| !explains_but_for(&f.estimate, self.noise))
+            && let Tried::Fitted(anew) = self.fit(&best.line, tests, false)?
+            && anew.estimate.objective < best.estimate.objective - CLOSE
+        {
+            found[0] = *anew;
+        }
         let Some(best) = found.first() else { return Ok(()) };
         // Something that was not fitted, such as parameters that differ between records, may explain more.
         if leading.iter().any(|n| found.iter().all(|f| f.line.name != n.name) && worth(n) > worth(&best.line)) {
@@ -181,10 +189,11 @@ impl Contradicted<'_, '_> {
         let may_be = |n: &NamedError| ended || tests.named.iter().any(|o| o.name == n.name);
         let leading = tests.leading(WORTH * excess, ANEW, may_be);
         let before = self.end.fitted.estimate.objective;
+        let all = self.noise * self.end.fitted.estimate.residuals.len() as f64;
         let mut found: Vec<Refit> = Vec::new();
         for candidate in &leading {
             match self.fit(candidate, tests, false)? {
-                Tried::Fitted(fit) if fit.estimate.objective < EXPLAINS * before => found.push(*fit),
+                Tried::Fitted(fit) if fit.estimate.objective < all + EXPLAINS * (before - all) => found.push(*fit),
                 _ => {}
             }
         }
@@ -237,8 +246,13 @@ impl Contradicted<'_, '_> {
         let silent = Observer { progress: None, ..*self.watch };
         let mut watched = ObservedEstimator::new(&mut *made.whole, &silent);
         let priors = setup.unknowns.priors(&selected)?;
+        // Biases and initial states too are where the first has ended: from rest and zero a fit of few linearisations does not come back to them.
+        let before = &self.end.fitted.estimate.nuisance;
+        let known = |u: &Unknown| before.iter().find(|p| p.name == u.name).map_or(0.0, |p| p.value);
+        let nuisance: Option<Vec<f64>> = settled.then(|| watched.nuisance().iter().map(known).collect());
         let mut request = Request {
             coarse: !settled,
+            nuisance: nuisance.as_deref(),
             start: &start,
             selected: &selected,
             priors,
@@ -289,12 +303,8 @@ impl Contradicted<'_, '_> {
     /// Where the first fit has ended, in the unknowns of another, and what is estimated.
     fn start(&self, setup: &Setup, mounted: Option<&Mounted>) -> (Vec<f64>, Vec<usize>) {
         let (before, unknowns) = (self.end.unknowns, &setup.unknowns);
-        let ended: BTreeMap<&str, f64> =
-            before.decls.iter().map(|d| d.name.as_str()).zip(self.end.fitted.estimate.values.iter().copied()).collect();
-        let taken = |name: &str| mounted.and_then(|m| m.taken.get(name)).copied().unwrap_or(0.0);
-        let one =
-            |(d, start): (&ff_model::ParamDecl, &f64)| ended.get(d.name.as_str()).unwrap_or(start) - taken(&d.name);
-        let start = unknowns.decls.iter().zip(&unknowns.start).map(one).collect();
+        let ended = before.by_name(&self.end.fitted.estimate.values);
+        let start = mounted.map_or_else(|| unknowns.at(&ended), |m| m.start(&ended, unknowns));
         // What was held in place of what the data do not tell stays held.
         let names = |of: &[usize]| -> Vec<&str> { of.iter().map(|&i| before.decls[i].name.as_str()).collect() };
         let (asked, kept) = (names(&before.selected), names(&self.end.fitted.selected));

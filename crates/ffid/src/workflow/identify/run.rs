@@ -445,7 +445,10 @@ fn solve(
             best = finished(request, best, estimator)?;
         }
         // Something is left with the error, and so it is named only where no other start has led anywhere.
-        if let Some(found) = suspected.filter(|_| leads_nowhere(&best, request.noise)) {
+        if leads_nowhere(&best, request.noise)
+            && !estimator.stopped()
+            && let Some(found) = if rigid { suspected } else { suspects.lacking(&best, suspected)? }
+        {
             return Ok((Fitted::of(found.estimate, request.selected), found.tests));
         }
         best_valley(request, best, of, estimator)

@@ -4,7 +4,8 @@
 //! starts only find other such places. So the question is put to the shape of the signals first. At a twentieth of their amplitude, and under a
 //! prior about the mission, a fit stays where the model is itself; the errors that account for most of what it leaves are fitted there, and
 //! the best of them, or those that explain it together, are fitted to the noise of the sensors. They are named if the record is followed with
-//! them. Records that each by itself are explained, and together are not, are of robots that differ.
+//! them. Records that each by itself are explained, and together are not, are of robots that differ. Where other starts lead nowhere either, a robot
+//! that may not have been at rest when a record began is fitted from a start in motion, and modes are looked for that the mission lacks.
 
 use super::assembly::{Assembled, Assembly, Setup};
 use super::elsewhere::{WIDE, explains_but_for, from_the_start, gone_on, owner};
@@ -13,11 +14,13 @@ use super::evidence::{ErrorSize, NamedError, State};
 use super::explain::{Tests, in_words, tests_of_listed};
 use super::fitted::{Ended, Fitted};
 use super::labelled_record::LabelledRecord;
+use super::missing_mode::Place;
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
 use super::record_estimator::Twin;
 use super::refit::{MOST_ANEW, SETTLED, moved, sizes};
-use super::settings::Settings;
+use super::result::fit::Method;
+use super::settings::{Settings, method};
 use super::survey::other_robot;
 use crate::open::Opened;
 use crate::workflow::amplitude::{PART, amplitude};
@@ -26,6 +29,7 @@ use ff_model::Inertia;
 use ff_records::Record;
 use ident::belief::{PriorRow, Sigma};
 use ident::estimate::{Estimate, attempt};
+use ident::uncertain::hypotheses;
 use ident::{Estimator, Noise, Priors, Request};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
@@ -49,12 +53,19 @@ const HALVES: f64 = 0.5;
 /// Linearisations of a fit without an error from the end of that with it: of one record, and of several.
 const ON: [usize; 2] = [40, 12];
 /// Part of chi-squared above that of noise that a fit with the error leaves at most, where it is what kept the other from any answer.
-const EXPLAINS: f64 = 0.1;
+pub(super) const EXPLAINS: f64 = 0.1;
 /// Masses of what a link may hold, over that of the whole robot, and density (kg/m^3).
 const CLIENTS: [f64; 3] = [0.02, 0.08, 0.3];
 const DENSITY: f64 = 200.0;
 /// Deviations by which parameters of one record differ from those of another.
 const DIFFERS: f64 = 5.0;
+/// Name of the error ([`ident::uncertain::hypotheses`]).
+pub(super) const IN_MOTION: &str = "start-in-motion";
+/// Beginning of a record (s) and its fewest samples. A base that is at rest then, under joints that are, reads less than this part of what the gyro
+/// ranges over, and what it reads changes by less than this part of what it changes by at most.
+const BEGINNING: f64 = 0.1;
+const FEWEST: usize = 12;
+const AT_REST: (f64, f64) = (0.02, 0.1);
 
 /// A fit that led nowhere, and what it was made of.
 pub(super) struct Suspects<'a> {
@@ -82,6 +93,19 @@ impl Found {
     pub(super) fn is_all(&self) -> bool {
         self.tests.as_ref().is_none_or(|t| t.with_first == Some(State::Explained))
     }
+    /// A fit that explains the record, or is much nearer to it than the first.
+    fn nearer(estimate: Estimate) -> Self {
+        Self { estimate, tests: None }
+    }
+    /// Sum of squares that is left with the error in front.
+    fn left(&self) -> f64 {
+        let drop = self.tests.as_ref().and_then(|t| t.named.first()).map_or(0.0, |n| n.drop);
+        self.estimate.objective - drop
+    }
+    /// With errors in front.
+    pub(super) fn with(estimate: Estimate, tests: Tests) -> Self {
+        Self { estimate, tests: Some(tests) }
+    }
 }
 
 /// A fit with errors to the noise of the sensors.
@@ -102,7 +126,7 @@ enum Begins {
 }
 
 /// A fit to the shape of the signals.
-struct Shape {
+pub(super) struct Shape {
     /// Sum of squared residuals, and the same per degree of freedom.
     objective: f64,
     misfit: f64,
@@ -112,10 +136,10 @@ struct Shape {
 
 impl Shape {
     /// To a twentieth of the signals.
-    fn follows(&self) -> bool {
+    pub(super) fn follows(&self) -> bool {
         self.misfit < 1.0
     }
-    fn of(setup: &Setup, e: &Estimate) -> Self {
+    pub(super) fn of(setup: &Setup, e: &Estimate) -> Self {
         Self { objective: e.objective, misfit: e.chi2_per_dof, values: setup.unknowns.by_name(&e.values) }
     }
 }
@@ -143,7 +167,7 @@ impl Suspects<'_> {
             // The model can have that shape: another start is all that it takes, or a small thing is wrong.
             let estimate = self.without(stuck, &self.estimated_at(&shape.values), Begins::Afar)?;
             let (explained, halved) = (self.explained(&estimate), estimate.objective < HALVES * stuck.objective);
-            let found = Found { estimate, tests: None };
+            let found = Found::nearer(estimate);
             if explained {
                 return Ok(Some(found));
             }
@@ -160,6 +184,28 @@ impl Suspects<'_> {
             Some(with) => self.named(stuck, &with, &tests),
             None => Ok(None),
         }
+    }
+    /// What the mission lacks where no other start leads anywhere either: a start in motion, or modes. A mode more can make up for springs that are
+    /// far from where they belong, so that this is asked last; `suspected` stays where that leaves less.
+    pub(super) fn lacking(&self, stuck: &Estimate, suspected: Option<Found>) -> Result<Option<Found>, IdentifyError> {
+        if let Some(found) = self.in_motion(stuck)? {
+            return Ok(Some(found));
+        }
+        let left = suspected.as_ref().map_or(f64::INFINITY, Found::left);
+        let setup = self.setup;
+        let loud = self.at_the_shape(&setup.settings);
+        let Assembled { mut whole, twins, sigma, rows } = self.assembled(setup, &loud)?;
+        let shape = self.shape(setup, &mut *whole, &setup.unknowns.start, false)?;
+        let Some(shape) = shape.map(|e| Shape::of(setup, &e)).filter(|shape| !shape.follows()) else {
+            return Ok(suspected);
+        };
+        let start = self.estimated_at(&shape.values);
+        let Some(end) = self.over_all(setup, &mut *whole, &start)? else { return Ok(suspected) };
+        drop(whole);
+        let (opened, settings) = (self.opened, &loud);
+        let at = Place { setup, opened, end: &end, settings, twins: &twins, sigma: &sigma, rows: &rows };
+        let modes = self.modes(stuck, &at, Vec::new(), left)?;
+        Ok(modes.map(|with| with.found(stuck)).or(suspected))
     }
     /// The errors with which a fit follows the record, as few as explain it: one that leads, those that first order adds to one another, or one after
     /// the other.
@@ -244,20 +290,28 @@ impl Suspects<'_> {
         twins: &[Twin<'_>],
         start: &[f64],
     ) -> Result<Option<(Estimate, Tests)>, IdentifyError> {
-        let request = self.shape_request(setup, start, OF_ALL)?;
-        let Some(e) = self.fit(&request, whole)? else { return Ok(None) };
+        let Some(e) = self.over_all(setup, whole, start)? else { return Ok(None) };
         let Setup { unknowns, shared, labels, .. } = setup;
         let (fitted, values) = (Fitted::of(e.clone(), &unknowns.selected), unknowns.expand(&e.values)?);
         let (model, records, signals) = (&self.opened.model, self.records, &[][..]);
         let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals };
         Ok(tests_of_listed(&end, twins, loud)?.map(|tests| (e, tests)))
     }
+    /// A fit to the shape of the signals, gone on with over all data; `None` where nothing can be predicted.
+    pub(super) fn over_all(
+        &self,
+        setup: &Setup,
+        whole: &mut dyn Estimator,
+        start: &[f64],
+    ) -> Result<Option<Estimate>, IdentifyError> {
+        self.fit(&self.shape_request(setup, start, OF_ALL)?, whole)
+    }
     /// Whether nothing is left to be looked for beside these errors.
     fn is_done(&self, best: &Option<With>) -> bool {
         best.as_ref().is_some_and(|b| self.explained(&b.estimate))
     }
     /// Whether a fit leaves no more than noise.
-    fn explained(&self, e: &Estimate) -> bool {
+    pub(super) fn explained(&self, e: &Estimate) -> bool {
         explains_but_for(e, self.noise)
     }
     /// The fit with errors to the noise of the sensors; `None` where that does not follow the record.
@@ -271,8 +325,7 @@ impl Suspects<'_> {
         let Some(mut estimate) = self.fit(&request, &mut *whole)? else { return Ok(None) };
         // An error is what its value differs from the mission's by.
         from_the_start(&mut estimate, &Request { start: &setup.unknowns.start, ..request.clone() });
-        let above = |e: &Estimate| e.objective - self.noise * e.residuals.len() as f64;
-        let follows = estimate.is_solution() && above(&estimate) <= EXPLAINS * above(stuck);
+        let follows = estimate.is_solution() && self.above_noise(&estimate) <= EXPLAINS * self.above_noise(stuck);
         let values = setup.unknowns.by_name(&estimate.values);
         Ok(follows.then_some(With { errors, estimate, values }))
     }
@@ -300,7 +353,7 @@ impl Suspects<'_> {
         let from = if seen { Begins::Near } else { Begins::Afar };
         let estimate = self.without(stuck, &self.estimated_at(&with.values), from)?;
         if self.explained(&estimate) {
-            return Ok(Some(Found { estimate, tests: None }));
+            return Ok(Some(Found::nearer(estimate)));
         }
         if !seen {
             return Ok(None);
@@ -311,7 +364,7 @@ impl Suspects<'_> {
         }
         // Together: what each would take away alone is not known.
         lines[0].drop = estimate.objective - e.objective;
-        Ok(Some(Found { estimate, tests: Some(tests.explained_by(lines, self.explained(e))) }))
+        Ok(Some(Found::with(estimate, tests.explained_by(lines, self.explained(e)))))
     }
     /// The start with what is estimated at these values, by name; what the mission holds stays.
     fn estimated_at(&self, values: &BTreeMap<String, f64>) -> Vec<f64> {
@@ -336,14 +389,14 @@ impl Suspects<'_> {
         })
     }
     /// The estimators of a setup under other settings.
-    fn assembled<'s>(&self, setup: &'s Setup, settings: &'s Settings) -> Result<Assembled<'s>, IdentifyError>
+    pub(super) fn assembled<'s>(&self, setup: &'s Setup, settings: &'s Settings) -> Result<Assembled<'s>, IdentifyError>
     where
         Self: 's,
     {
         Assembly { settings, ..setup.assembly(&self.opened.model, self.records) }.assemble(&setup.uncertain)
     }
     /// Settings with a twentieth of the signals in place of the noise.
-    fn at_the_shape(&self, s: &Settings) -> Settings {
+    pub(super) fn at_the_shape(&self, s: &Settings) -> Settings {
         let largest = |of: &dyn Fn(&Record) -> f64| self.records.iter().map(|t| of(&t.record)).fold(0.0, f64::max);
         let own = self.noise.sqrt();
         let torque = largest(&|r| PART * amplitude(r.tau())).max(own * s.noise.torque);
@@ -394,7 +447,7 @@ impl Suspects<'_> {
     }
     /// A fit to the shape of the signals over less data, where there is less; `None` where it fails. One that is to `follow` them ends where it
     /// will not.
-    fn shape(
+    pub(super) fn shape(
         &self,
         setup: &Setup,
         whole: &mut dyn Estimator,
@@ -412,11 +465,57 @@ impl Suspects<'_> {
         fit(whole)
     }
     /// A fit beside the one that is asked for, as far as it gets; `None` where nothing is predicted.
-    fn fit(&self, request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Option<Estimate>, IdentifyError> {
+    pub(super) fn fit(
+        &self,
+        request: &Request<'_>,
+        estimator: &mut dyn Estimator,
+    ) -> Result<Option<Estimate>, IdentifyError> {
         let watch = self.watch.aside();
         let mut watched = ObservedEstimator::new(estimator, &watch);
         let found = attempt(request, &mut watched);
         if watched.stopped() { Err(IdentifyError::Interrupted) } else { Ok(found.ok()) }
+    }
+    /// The first fit from a start in motion, where a record may begin with one, if that leaves a part of what the fit from rest does.
+    fn in_motion(&self, stuck: &Estimate) -> Result<Option<Found>, IdentifyError> {
+        let model = &self.opened.model;
+        let from_rest = !self.settings.initial_state && method(model, self.settings.method) == Method::OutputError;
+        if !from_rest || !self.records.iter().any(|t| !t.continues && may_turn(&t.record)) {
+            return Ok(None);
+        }
+        let settings = Settings { initial_state: true, ..self.settings.clone() };
+        let Ok(setup) = Setup::new(self.opened, self.records, &settings, self.options) else { return Ok(None) };
+        let mut whole = setup.estimator(model, self.records)?;
+        let request = Request { give_up: Some(WIDE), noise: self.noise, ..setup.request()? };
+        let Some(e) = self.fit(&request, &mut *whole)? else { return Ok(None) };
+        if self.above_noise(&e) > EXPLAINS * self.above_noise(stuck) {
+            return Ok(None);
+        }
+        let unknowns = &setup.unknowns;
+        let all = hypotheses(model, &unknowns.selected, &unknowns.expand(&e.values)?);
+        let Some(h) = all.into_iter().find(|h| h.name == IN_MOTION) else { return Ok(None) };
+        let Some(size) = sizes(&h, &e, &setup.labels) else { return Ok(None) };
+        let (moves, moves_by) =
+            moved((stuck, &self.setup.unknowns.selected), &self.setup.unknowns, &e, &|_| 0.0).unwrap_or_default();
+        let line = NamedError {
+            text: in_words(&h.words, &size),
+            name: h.name,
+            drop: stuck.objective - e.objective,
+            freedom: size.len(),
+            p: 0.0,
+            moves,
+            moves_by,
+            beside: false,
+            alike: Vec::new(),
+            refitted: true,
+            mission: String::new(),
+            size,
+        };
+        let tests = Tests::default().explained_by(vec![line], self.explained(&e));
+        Ok(Some(Found::with(stuck.clone(), tests)))
+    }
+    /// What a fit leaves beyond noise.
+    pub(super) fn above_noise(&self, e: &Estimate) -> f64 {
+        e.objective - self.noise * e.residuals.len() as f64
     }
     /// Records that are explained each by itself, while all together are not.
     fn robots_that_differ(&self, stuck: &Estimate) -> Result<Option<Found>, IdentifyError> {
@@ -474,15 +573,34 @@ impl Suspects<'_> {
         let start = self.estimated_at(&setup.unknowns.by_name(&e.values));
         let estimate = self.without(stuck, &start, Begins::Near)?;
         if self.explained(&estimate) {
-            return Ok(Some(Found { estimate, tests: None }));
+            return Ok(Some(Found::nearer(estimate)));
         }
         named.iter_mut().for_each(|n| n.drop = estimate.objective - objective);
-        Ok(Some(Found { estimate, tests: Some(Tests::default().explained_by(named, true)) }))
+        Ok(Some(Found::with(estimate, Tests::default().explained_by(named, true))))
     }
 }
 
+/// Whether the base may turn, or be shaken, when a record begins ([`AT_REST`]); a gyro with a bias of that size reads the same.
+pub(super) fn may_turn(record: &Record) -> bool {
+    let gyro = record.gyro();
+    let n = ((BEGINNING / record.dt()) as usize).max(FEWEST);
+    if record.is_fixed_base() || gyro.nrows() < 2 * n {
+        return false;
+    }
+    // Differences of sums over halves of a window: what changes in it, times a constant that is that of all windows.
+    let half = n / 2;
+    let sum = |c: &[f64]| c.iter().sum::<f64>();
+    let change = |c: &[f64]| (sum(&c[n - half..n]) - sum(&c[..half])).abs();
+    gyro.column_iter().any(|column| {
+        let c: Vec<f64> = column.iter().copied().collect();
+        let range = column.max() - column.min();
+        let most = c.windows(n).step_by(half).map(change).fold(0.0, f64::max);
+        sum(&c[..n]).abs() / n as f64 > AT_REST.0 * range || change(&c) > AT_REST.1 * most
+    })
+}
+
 /// The fit that leaves least.
-fn least(all: Vec<Estimate>) -> Option<Estimate> {
+pub(super) fn least(all: Vec<Estimate>) -> Option<Estimate> {
     all.into_iter().min_by(|a, b| a.objective.total_cmp(&b.objective))
 }
 
