@@ -1,15 +1,15 @@
 //! The fit of `ffid identify`, the prediction of what was held out, and the comparison of models.
 
 use super::args::Args;
+use super::columns::Columns;
 use super::faults::INTERRUPTED;
 use super::prepare::{Held, Ready};
 use crate::flags::choice::Clocks;
 use crate::flags::fit::watched;
 use crate::results::Refusal;
-use ff_model::diagnostics::Severity;
 use ff_model::{Area, Params, Problem, Problems};
 use ff_records::Record;
-use ffid::workflow::doctor::{before_fit, columns, likelier_columns};
+use ffid::workflow::doctor::before_fit;
 use ffid::workflow::identify::{
     Arm, Comparison, Evidence, IdentificationResult, Identified, IdentifyError, InputFile, Interim, Known, LOW_PASS,
     LabelledRecord, Method, ModelVariant, Observer, Provenance, RecordChecks, RecordLine, Sampled, SampledState,
@@ -17,7 +17,6 @@ use ffid::workflow::identify::{
     sample_posterior, verdict,
 };
 use ident::Loss;
-use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 /// [`fit_observed`], with progress on a terminal.
@@ -76,44 +75,15 @@ pub(crate) fn fit_observed(args: &Args, r: &mut Ready, watch: &Observer<'_>) -> 
     if before.has_errors() {
         return Err(IdentifyError::Refused(before));
     }
-    // What is wrong with columns is found in seconds, errors of a model that would make up for it in minutes.
-    let in_doubt = |records: &[LabelledRecord], s: &Settings| {
-        let mut all = Problems::default();
-        for (labelled, path) in records.iter().zip(&*sources).filter(|(r, _)| r.ago == 0) {
-            all.extend(columns(opened, labelled, s)?.in_file(path));
-        }
-        Ok::<_, IdentifyError>(all)
-    };
-    let asked = RefCell::new(None);
-    let doubts = |records: &[LabelledRecord], s: &Settings| {
-        // A fit from a start in motion, or on other clocks, is of the same columns.
-        if asked.borrow().is_some() {
-            return Ok(());
-        }
-        let mut found = in_doubt(records, s)?;
-        args.input.leniency().settle(&mut found);
-        if found.has_errors() {
-            return Err(IdentifyError::Refused(found));
-        }
-        asked.replace(Some(found));
-        Ok(())
-    };
+    let asked = Columns::new(opened, sources, args.input.leniency());
+    let doubts = |records: &[LabelledRecord], s: &Settings| asked.refuse(records, s);
     let doubting = Observer { doubts: Some(&doubts), ..*watch };
     let (mut found, s, mut warnings) =
         identify_checked(opened, records, s, options, checks, &axes, &provenance, &doubting)?;
     warnings.0.splice(0..0, before.0);
     let unexplained = |e: &Evidence| e.state != State::Explained && e.with_first != Some(State::Explained);
     if !watch.ends_with_result() && found.result.evidence.as_ref().is_some_and(unexplained) {
-        let mut in_doubt = match asked.take() {
-            Some(known) => known,
-            None => in_doubt(records, &s)?,
-        };
-        for (k, (labelled, path)) in records.iter().zip(&*sources).enumerate().filter(|(_, (r, _))| r.ago == 0) {
-            let at = found.values_in(records, k);
-            in_doubt.extend(likelier_columns(opened, labelled, &s, &at)?.in_file(path));
-        }
-        in_doubt.0.iter_mut().for_each(|p| p.severity = Severity::Warning);
-        in_doubt.0.dedup_by(|a, b| a.message == b.message);
+        let in_doubt = asked.behind(records, &s, &found)?;
         if let Some(evidence) = &mut found.result.evidence {
             let in_words =
                 |p: &Problem| p.object.iter().chain([&p.message]).map(String::as_str).collect::<Vec<_>>().join(": ");

@@ -1,6 +1,7 @@
 //! `ffid identify`: from a mission and a record to parameters, a report, and files of the identified robot.
 
 mod args;
+mod columns;
 pub(crate) mod faults;
 pub(crate) mod fit;
 pub(crate) mod prepare;

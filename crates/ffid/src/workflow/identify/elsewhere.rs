@@ -4,7 +4,9 @@
 //! wrong one, and the line it should have explained is left over in the residuals. So the first other starts are those that put a mode of
 //! the model where the residuals have their power, and only then come random ones.
 
+use super::ends::{FAR, NOWHERE, WIDE, explains, given_back, gone_on, has_springs, is_spring, of_body, within};
 use super::labelled_record::LabelledRecord;
+use super::lost::{bodies_strayed, given_life, has_lost, keep_whole, lost, strayed, vanished};
 use super::observed_estimator::ObservedEstimator;
 use super::row_layout::RowLayout;
 use super::settings::Settings;
@@ -13,35 +15,20 @@ use super::unknowns::Unknowns;
 use super::valleys::ASIDE;
 use ff_dynamics::analysis::{Boundary, modes};
 use ff_least_squares::{Settings as Solver, Status};
-use ff_model::{Inertia, Model, ParamGroup, Params};
+use ff_model::{Model, ParamGroup, Params};
 use ident::checks::whiteness;
-use ident::estimate::{Estimate, Estimated, attempt};
-use ident::parameters::{is_damping, is_stiffness, wide_start};
-use ident::{Estimator, Loss, Request, Transform};
+use ident::estimate::{Estimate, attempt};
+use ident::parameters::{is_damping, wide_start};
+use ident::{Estimator, Loss, Request};
 
-/// Deviations of chi-squared per degree of freedom (`sqrt(2 / dof)`) above one at which a fit is taken to have ended in the wrong valley:
-/// chance does not, what errors of the model leave may.
-const FAR: f64 = 5.0;
-/// The same from which its neighbours are no alternatives ([`super::valleys`]), and for a thinned record, whose steps are not exact.
-const NO_ANSWER: f64 = 10.0;
-/// Factor on the start of a positive parameter beyond which it has strayed.
-const STRAYED: f64 = 10.0;
 /// The same from which a stiffness alone is given back to the mission.
 const ASTRAY: f64 = 2.0;
-/// Chi-squared per degree of freedom from which starts far away are tried as well, before more steps on the way there.
-pub(super) const WIDE: f64 = 1.5;
-/// The same from which what is near the end of the fit is not looked at: it is as wrong as everything.
-pub(super) const NOWHERE: f64 = 10.0;
-/// Part of its start below which a stiffness, damping or mass has vanished in a valley that leads nowhere.
-const VANISHED: f64 = 0.01;
 /// Factors on the whole bodies and on the springs of starts whose damping is [`DAMPED`] times that of the mission.
 const EASED: [(f64, f64); 5] = [(1.0, 1.0), (3.0, 1.0), (1.0, 3.0), (1.0 / 3.0, 1.0), (1.0, 1.0 / 3.0)];
 /// See [`EASED`]. Oscillations that die within periods cannot slip by periods.
 const DAMPED: f64 = 10.0;
 /// Factor on a spring up to which modes of a thinned record are allowed for: beyond, it has gone astray.
 const STIFFER: f64 = 3.0;
-/// Part of itself by which a spring or damper is hardly known.
-const HARDLY: f64 = 0.5;
 /// Starts drawn at random.
 const RANDOM: usize = 6;
 /// Starts at lines of the residuals, at most.
@@ -164,85 +151,6 @@ fn one_round(
         }
         _ => first,
     }
-}
-
-/// The end of a fit with what has vanished as the mission has it.
-pub(super) fn given_life(request: &Request<'_>, e: &Estimate) -> Vec<f64> {
-    given_back(request, e, |i| has_vanished(request, e, i))
-}
-
-/// The end of a fit with some of its parameters as the mission has them.
-pub(super) fn given_back(request: &Request<'_>, e: &Estimate, which: impl Fn(usize) -> bool) -> Vec<f64> {
-    let mut out = e.values.clone();
-    request.selected.iter().filter(|&&i| which(i)).for_each(|&i| out[i] = request.start[i]);
-    out
-}
-
-/// A fit that went on after the `first`, as one with it.
-pub(super) fn gone_on(mut e: Estimate, first: &Estimate, request: &Request<'_>) -> Estimate {
-    e.iterations += first.iterations;
-    e.descent.splice(0..0, first.descent.iter().cloned());
-    from_the_start(&mut e, request);
-    e
-}
-
-/// Says of a fit that it began at the start of the request, wherever its last part did.
-pub(super) fn from_the_start(e: &mut Estimate, request: &Request<'_>) {
-    for (p, &i) in e.parameters.iter_mut().zip(request.selected) {
-        p.start = request.start[i];
-    }
-}
-
-/// Whether a positive parameter is gone.
-fn vanished(request: &Request<'_>, e: &Estimate) -> bool {
-    request.selected.iter().any(|&i| has_vanished(request, e, i))
-}
-
-/// Whether a positive parameter is gone, or far from where the mission has it.
-pub(super) fn has_lost(request: &Request<'_>, e: &Estimate) -> bool {
-    !lost(request, e).0.is_empty()
-}
-
-/// Whether this parameter is one that is positive and gone.
-pub(super) fn has_vanished(request: &Request<'_>, e: &Estimate, i: usize) -> bool {
-    request.decls[i].group == ParamGroup::Positive && e.values[i] < VANISHED * request.start[i]
-}
-
-pub(super) fn explains(e: &Estimate) -> bool {
-    within(e, NO_ANSWER)
-}
-
-/// [`explains`] where noise leaves the mean square `noise` ([`Request::noise`]), which may be more than was said.
-pub(super) fn explains_but_for(e: &Estimate, noise: f64) -> bool {
-    e.chi2_per_dof < noise && noise > 1.0 || explains(e)
-}
-
-/// Whether chi-squared per degree of freedom is within so many of its deviations of one.
-fn within(e: &Estimate, deviations: f64) -> bool {
-    e.chi2_per_dof < 1.0 + deviations * (2.0 / e.residuals.len().max(1) as f64).sqrt()
-}
-
-/// Positive parameters that are far from where the mission has them.
-fn strayed(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
-    let positive = |i: &usize| request.decls[*i].group == ParamGroup::Positive;
-    request.selected.iter().copied().filter(|i| positive(i) && has_strayed(request, e, *i)).collect()
-}
-
-/// Whether a positive number is far from where the mission has it.
-fn has_strayed(request: &Request<'_>, e: &Estimate, i: usize) -> bool {
-    !(1.0 / STRAYED..STRAYED).contains(&(e.values[i] / request.start[i]))
-}
-
-/// Whether a body is at the edge of what can exist, or its mass far from where the mission has it.
-fn bodies_strayed(request: &Request<'_>, e: &Estimate) -> bool {
-    let at_edge = Transform::new(request.decls, request.selected, &e.values).is_err();
-    let mass = |i: &usize| of_body(request, *i) && request.decls[*i].unit == "kg";
-    at_edge || request.selected.iter().filter(|i| mass(i)).any(|&i| has_strayed(request, e, i))
-}
-
-/// Whether this parameter is one of a body.
-fn of_body(request: &Request<'_>, i: usize) -> bool {
-    matches!(request.decls[i].group, ParamGroup::Inertial(_))
 }
 
 /// Where the best of other starts leads over the thinned record, if that is better there than where the fit ended, which has left `lines`
@@ -371,44 +279,6 @@ fn led_best(
     best
 }
 
-/// The appendage (or body) that a parameter or a coordinate is named after.
-pub(super) fn owner(name: &str) -> Option<&str> {
-    name.split_once('.').map(|n| n.0)
-}
-
-/// Whether a fit hardly tells this spring or damper.
-pub(super) fn is_hardly_told(p: &Estimated) -> bool {
-    p.std.is_none_or(|std| std > HARDLY * p.value)
-}
-
-/// Springs of the appendages of which the fit tells no spring: what rings is not where the data do.
-fn untold(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
-    let spring = |&(&i, _): &(&usize, _)| is_spring(request, i);
-    let springs: Vec<_> = request.selected.iter().zip(&e.parameters).filter(spring).collect();
-    let owner = |i: usize| owner(&request.decls[i].name);
-    let told = |of: Option<&str>| springs.iter().any(|(i, p)| owner(**i) == of && !is_hardly_told(p));
-    springs.iter().map(|(i, _)| **i).filter(|&i| !told(owner(i))).collect()
-}
-
-/// Parameters of the appendages of which one has vanished or strayed, or none is told where much is left over, and the end of the fit with all
-/// of them as the mission has them. Near the record, a damper that is gone is no reason to look for springs that ring where the data do, while
-/// another appendage is lost by more than that; far from it, what has strayed counts where no appendage is untold.
-fn lost(request: &Request<'_>, e: &Estimate) -> (Vec<usize>, Vec<f64>) {
-    let owner = |i: usize| owner(&request.decls[i].name);
-    // What has vanished has strayed.
-    let strayed = strayed(request, e);
-    let near = e.chi2_per_dof < WIDE * request.noise;
-    let untold = if explains(e) { Vec::new() } else { untold(request, e) };
-    let by_more = strayed.iter().copied().filter(|&i| near && !is_damping(&request.decls[i])).chain(untold);
-    let mut owners: Vec<_> = by_more.map(owner).collect();
-    if owners.is_empty() {
-        owners = strayed.into_iter().map(owner).collect();
-    }
-    let of: Vec<usize> = request.selected.iter().copied().filter(|&i| owners.contains(&owner(i))).collect();
-    let back = given_back(request, e, |i| of.contains(&i));
-    (of, back)
-}
-
 /// Changes the springs of what is lost so that their modes are at lines of the residuals, one after another from that whose turn it is.
 fn at_lines(
     of: &Subject<'_>,
@@ -426,23 +296,6 @@ fn at_lines(
             let Some(own) = own_mode(of, start, &here, i).filter(|&own| here[own] > 0.0) else { return };
             start[i] *= (line / here[own]).powi(2).clamp(FACTORS.0, FACTORS.1);
         }
-    }
-}
-
-/// Takes what masses on the base have become heavier by off the base, where they are mounted: what the fit has found of the whole is right. Where
-/// nothing would be left that is a body, the start stays.
-fn keep_whole(model: &Model, request: &Request<'_>, from: &[f64], start: &mut [f64]) {
-    let decls = request.decls;
-    let is_base = |&i: &usize| decls[i].name == "base.mass" && request.selected.contains(&(i + 9));
-    let Some(base) = request.selected.iter().copied().find(is_base) else { return };
-    let mut body = Inertia::from_params(&start[base..base + 10]);
-    for mounted in model.appendages().iter().filter(|m| m.host == 0) {
-        let mass = |i: &usize| decls[*i].unit == "kg" && owner(&decls[*i].name) == Some(mounted.name.as_str());
-        let heavier: f64 = request.selected.iter().copied().filter(mass).map(|i| start[i] - from[i]).sum();
-        body += Inertia::point(-heavier, &mounted.mount.pos);
-    }
-    if body.pseudo().cholesky().is_some() {
-        start[base..base + 10].copy_from_slice(&body.to_params());
     }
 }
 
@@ -497,16 +350,6 @@ fn aimed(request: &Request<'_>, first: &Estimate, lines: &[f64], of: &Subject<'_
     }
     found.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     found.into_iter().take(AIMED).map(|(_, _, start)| start).collect()
-}
-
-/// Whether this parameter is a stiffness.
-pub(super) fn is_spring(request: &Request<'_>, i: usize) -> bool {
-    is_stiffness(&request.decls[i])
-}
-
-/// Whether a stiffness is estimated.
-pub(super) fn has_springs(request: &Request<'_>) -> bool {
-    request.selected.iter().any(|&i| is_spring(request, i))
 }
 
 /// Starts from the end of a fit with one stiffness as the mission has it, the farthest from there first: the mode of one that has gone astray may be the line
@@ -565,42 +408,4 @@ pub(super) fn frequencies(of: &Subject<'_>, values: &[f64]) -> Option<Vec<f64>> 
     let rest = of.model.rest_position(&params);
     let found = modes(of.model, &params, &q, &rest, Boundary::JointsHeld).ok()?;
     Some(found.iter().map(|m| m.frequency_hz).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use ff_mission::{LoadOptions, Mission};
-    use ident::parameters::select;
-    use nalgebra::Vector3;
-
-    #[test]
-    fn what_an_appendage_becomes_heavier_by_is_taken_off_the_base() {
-        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/verdict/truth.toml");
-        let model = Mission::load(file.as_ref(), &crate::default_registry(), &LoadOptions::default()).unwrap().model;
-        let decls = model.param_decls();
-        let selected = select(&decls, &["base.*", "tank.mass", "tank.length"]).unwrap();
-        let from: Vec<f64> = decls.iter().map(|d| d.nominal).collect();
-        let request = Request::new(&decls, &selected, &from);
-        let tank = decls.iter().position(|d| d.name == "tank.mass").unwrap();
-        let mount = model.appendages().iter().find(|a| a.name == "tank").unwrap().mount.pos;
-        let heavier_by = |more: f64| {
-            let mut start = from.clone();
-            start[tank] += more;
-            keep_whole(&model, &request, &from, &mut start);
-            start
-        };
-        let start = heavier_by(31.0);
-        let whole = |x: &[f64]| {
-            let h = Vector3::new(x[1], x[2], x[3]) + mount * x[tank];
-            [x[0] + x[tank], h.x, h.y, h.z]
-        };
-        assert!((start[0] - (from[0] - 31.0)).abs() < 1e-9 && start[tank] == from[tank] + 31.0);
-        for (a, b) in whole(&start).iter().zip(whole(&from)) {
-            assert!((a - b).abs() < 1e-12 * b.abs(), "{a} {b}");
-        }
-        // A base of less than nothing is none.
-        let start = heavier_by(2.0 * from[0]);
-        assert_eq!(start[..10], from[..10]);
-    }
 }

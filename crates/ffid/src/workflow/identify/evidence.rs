@@ -158,6 +158,12 @@ fn is_false(x: &bool) -> bool {
 }
 
 impl NamedError {
+    /// As a fit with it among the unknowns has found it: its size, by how much chi-squared falls, and what moves most, by how many deviations.
+    pub(super) fn fitted(name: String, text: String, size: Vec<ErrorSize>, drop: f64, moves: (String, f64)) -> Self {
+        let (freedom, (moves, moves_by)) = (size.len(), moves);
+        let (p, beside, alike, mission) = (0.0, false, Vec::new(), String::new());
+        Self { name, text, size, drop, freedom, p, moves, moves_by, beside, alike, refitted: true, mission }
+    }
     /// Whether it is of parameters that are others in a record.
     pub(super) fn is_another_robot(&self) -> bool {
         self.name.starts_with(OTHER_ROBOT)

@@ -209,10 +209,16 @@ fn sized(value: f64, std: f64, unit: &str) -> String {
     format!("{} +- {} {unit}", num(scale * value), num(scale * std))
 }
 
+/// By how much a gain may be off one in a channel whose sign was changed.
+const TURNED: f64 = 0.1;
+
 /// An error with its size: a vector by its length and direction, or component by component.
 pub(super) fn in_words(words: &str, size: &[ErrorSize]) -> String {
     if let [one] = size {
-        return format!("{words} by {}", sized(one.value, one.std, &one.unit));
+        // Twice the whole of a gain less is the reading with its sign changed.
+        let turned = words.contains("gain") && one.unit == "1" && (one.value + 2.0).abs() < TURNED;
+        let sign = if turned { ", which is the other sign" } else { "" };
+        return format!("{words} by {}{sign}", sized(one.value, one.std, &one.unit));
     }
     let vector = size.len() == 3 && size.iter().all(|c| c.unit == size[0].unit);
     if vector {

@@ -133,7 +133,8 @@ impl Suspects<'_> {
         let (model, records) = (&at.opened.model, self.records);
         let (mut signals, mut first) = (Vec::new(), 0);
         for (t, n) in records.iter().zip(at.rows) {
-            signals.push(Signals::of(model, &t.record, &at.end.residuals[first..first + n], at.sigma));
+            let Some(own) = at.end.residuals.get(first..first + n) else { return Ok(None) };
+            signals.push(Signals::of(model, &t.record, own, at.sigma));
             first += n;
         }
         let (fitted, values) = (Fitted::of(at.end.clone(), &unknowns.selected), unknowns.expand(&at.end.values)?);
@@ -149,22 +150,10 @@ impl Suspects<'_> {
         }
         let unknowns = &self.setup.unknowns;
         let taken = |name: &str| with.taken.get(name).copied().unwrap_or(0.0);
-        let moves = moved((stuck, &unknowns.selected), unknowns, e, &taken);
-        let (moves, moves_by) = moves.unwrap_or_default();
-        let mut line = NamedError {
-            name: EXTRA_MODE.to_owned(),
-            text: String::new(),
-            size: Vec::new(),
-            drop: stuck.objective - e.objective,
-            freedom: with.freedom(),
-            p: 0.0,
-            moves,
-            moves_by,
-            beside: false,
-            alike: Vec::new(),
-            refitted: true,
-            mission: String::new(),
-        };
+        let moves = moved((stuck, &unknowns.selected), unknowns, e, &taken).unwrap_or_default();
+        let drop = stuck.objective - e.objective;
+        let line = NamedError::fitted(EXTRA_MODE.to_owned(), String::new(), Vec::new(), drop, moves);
+        let mut line = NamedError { freedom: with.freedom(), ..line };
         let (objective, explains) = (e.objective, self.explained(e));
         with.describe(e, &mut line).then_some(WithModes { line, objective, explains })
     }

@@ -7,7 +7,8 @@
 //! is another end of the fit, and deviations cover both, each by its weight ([`super::mixture`]). The estimate stays the lowest.
 
 use super::chord::is_physical;
-use super::elsewhere::{WIDE, has_vanished, is_hardly_told, owner};
+use super::ends::{WIDE, owner};
+use super::lost::{has_vanished, is_hardly_told};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
 use super::valleys::{ASIDE, BESIDE, Ending, answers};

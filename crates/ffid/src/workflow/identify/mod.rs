@@ -6,6 +6,7 @@
 //!   drives                channels on the motor's side: friction, reflected inertia, gains of currents
 //!   RecordEstimator       Rda | OutputError for each record -> Several -> Tied -> estimate | best_of
 //!   suspects, missing_mode   errors that keep the fit from any answer, an appendage that the mission lacks among them
+//!   ends, lost            whether the end of a fit explains the record, and what it has lost on its way
 //!   elsewhere, valleys    other starts where the fit ended in a wrong valley, minima beside its end
 //!   orders                springs of an appendage in the wrong order, where tests contradict the end
 //!   bends                 valleys that are no parabola within the deviations
@@ -37,6 +38,7 @@ pub mod draws;
 mod drives;
 mod elsewhere;
 mod encoder_noise;
+mod ends;
 mod error;
 pub(crate) mod evidence;
 pub(crate) mod explain;
@@ -50,6 +52,7 @@ pub(crate) mod identified;
 mod kept_records;
 pub(crate) mod known;
 pub(crate) mod labelled_record;
+mod lost;
 mod missing_mode;
 mod mission_end;
 mod mixture;

@@ -5,7 +5,7 @@
 //! the first began.
 
 use super::assembly::{Assembled, Setup};
-use super::elsewhere::{NOWHERE, WIDE, explains_but_for};
+use super::ends::{NOWHERE, WIDE, explains_but_for};
 use super::error::IdentifyError;
 use super::evidence::{EXTRA_MODE, ErrorSize, NamedError, State};
 use super::explain::{self, CLOSE, Tests, in_words};

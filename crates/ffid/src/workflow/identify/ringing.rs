@@ -5,7 +5,8 @@
 //! ([`ident::checks::resolved_decay`]). Whose they are is not known then: each appendage in turn has all of its springs changed in proportion, so
 //! that the slowest of its modes has that frequency, and its dampers likewise; the record says which is best.
 
-use super::elsewhere::{Subject, is_spring, owner};
+use super::elsewhere::Subject;
+use super::ends::{is_spring, owner};
 use super::record_estimator::sigmas;
 use ff_dynamics::analysis::{Boundary, Mode, modes, stiffness_damping};
 use ff_model::{Model, Params};

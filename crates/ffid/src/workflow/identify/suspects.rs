@@ -8,7 +8,7 @@
 //! that may not have been at rest when a record began is fitted from a start in motion, and modes are looked for that the mission lacks.
 
 use super::assembly::{Assembled, Assembly, Setup};
-use super::elsewhere::{WIDE, explains_but_for, from_the_start, gone_on, owner};
+use super::ends::{WIDE, explains_but_for, from_the_start, gone_on, owner};
 use super::error::IdentifyError;
 use super::evidence::{ErrorSize, NamedError, State};
 use super::explain::{Tests, in_words, tests_of_listed};
@@ -494,22 +494,9 @@ impl Suspects<'_> {
         let all = hypotheses(model, &unknowns.selected, &unknowns.expand(&e.values)?);
         let Some(h) = all.into_iter().find(|h| h.name == IN_MOTION) else { return Ok(None) };
         let Some(size) = sizes(&h, &e, &setup.labels) else { return Ok(None) };
-        let (moves, moves_by) =
-            moved((stuck, &self.setup.unknowns.selected), &self.setup.unknowns, &e, &|_| 0.0).unwrap_or_default();
-        let line = NamedError {
-            text: in_words(&h.words, &size),
-            name: h.name,
-            drop: stuck.objective - e.objective,
-            freedom: size.len(),
-            p: 0.0,
-            moves,
-            moves_by,
-            beside: false,
-            alike: Vec::new(),
-            refitted: true,
-            mission: String::new(),
-            size,
-        };
+        let before = (stuck, &self.setup.unknowns.selected[..]);
+        let moves = moved(before, &self.setup.unknowns, &e, &|_| 0.0).unwrap_or_default();
+        let line = NamedError::fitted(h.name, in_words(&h.words, &size), size, stuck.objective - e.objective, moves);
         let tests = Tests::default().explained_by(vec![line], self.explained(&e));
         Ok(Some(Found::with(stuck.clone(), tests)))
     }
@@ -550,20 +537,8 @@ impl Suspects<'_> {
                 continue;
             };
             let h = other_robot(&t.label, Vec::new());
-            named.push(NamedError {
-                text: in_words(&h.words, &size),
-                name: h.name,
-                drop: 0.0,
-                freedom: size.len(),
-                p: 0.0,
-                moves: most.name.clone(),
-                moves_by: by(most),
-                beside: false,
-                alike: Vec::new(),
-                refitted: true,
-                mission: String::new(),
-                size,
-            });
+            let moves = (most.name.clone(), by(most));
+            named.push(NamedError::fitted(h.name, in_words(&h.words, &size), size, 0.0, moves));
         }
         if named.is_empty() {
             return Ok(None);

@@ -12,10 +12,10 @@
 //! deviations cover all frequencies that are left ([`super::unresolved`]).
 
 use super::chord::{Chord, Place};
-use super::elsewhere::{
-    Subject, explains, frequencies, from_the_start, given_life, has_vanished, is_spring, own_mode, owner,
-};
+use super::elsewhere::{Subject, frequencies, own_mode};
+use super::ends::{explains, from_the_start, is_spring, owner};
 use super::findings::{Alternative, Minima};
+use super::lost::{given_life, has_vanished};
 use super::mixture;
 use super::observed_estimator::ObservedEstimator;
 use super::unresolved::Unresolved;
