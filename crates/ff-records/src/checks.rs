@@ -153,6 +153,9 @@ pub(crate) fn spikes(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, keep: b
     if keep || !few { Vec::new() } else { found }
 }
 
+/// What to do about a reading that stays.
+const CUT: &str = "check sensor and recorder; cut the record where the reading is none";
+
 /// Row D18. A torque or gyro channel that never changes is a dead sensor; one that holds still for a tenth
 /// of the record, or a joint that never moves, may be meant. Readings that freeze ([`frozen`]) are returned to be left out, but for the first of
 /// a stretch, unless they are more than [`MOST_FROZEN`] of a channel, or to be kept.
@@ -199,14 +202,12 @@ pub(crate) fn stuck(
                 100.0 * lost as f64 / c.len() as f64,
                 100.0 * MOST_FROZEN
             );
+            bad.push(warn(what, if few && !keep { "check sensor and recorder; --allow stuck fits them" } else { CUT }));
             if few && !keep {
                 out.extend(stretches.into_iter().flat_map(|r| r.start + 1..r.end));
-                bad.push(warn(what, "check sensor and recorder; --allow stuck fits them"));
-            } else {
-                bad.push(warn(what, "check sensor and recorder; cut the record where the reading is none"));
             }
         } else if sensor && longest.len() >= 50 && longest.len() * 10 >= c.len() {
-            bad.push(warn(holds(&longest), "check sensor and recorder; cut the record where the reading is none"));
+            bad.push(warn(holds(&longest), CUT));
         }
     }
     out

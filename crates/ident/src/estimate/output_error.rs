@@ -29,7 +29,9 @@ use ff_records::Record;
 use nalgebra::DMatrix;
 use std::borrow::Cow;
 use std::sync::Arc;
+use steps::{Compared, steps_for};
 
+mod steps;
 mod survey;
 
 /// Samples per period of the fastest mode that are left for a first pass, and for a pass before that.
@@ -46,11 +48,6 @@ const LEAST_SAMPLES: usize = 200;
 const BEGINNING: usize = 12;
 /// Factor on [`Options::step_error`] from which steps are made finer.
 const TOO_COARSE: f64 = 2.0;
-/// Where a fit leaves more than this mean square, the integration may be off by this part of what is left beyond: springs that have run away
-/// ask for hundreds of steps per sample, and there are no deviations there to be exact by.
-const FAR: f64 = 1.5;
-/// See [`FAR`].
-const OF_WHAT_IS_LEFT: f64 = 1e-3;
 /// Factor on the steps up to which they are made shorter until something is predicted.
 const SHORTEST: usize = 64;
 /// Beyond, a first pass would no longer be what takes the time.
@@ -320,20 +317,6 @@ fn by_spans(
     Ok(())
 }
 
-/// Steps per sample at which those that make this error make no more than the limit.
-fn steps_for(limit: f64, steps: usize, error: f64) -> usize {
-    ((steps as f64 * (error / limit).powf(0.25)).ceil() as usize).clamp(1, FINEST)
-}
-
-/// Residuals in two numbers of steps.
-#[derive(Clone, Copy)]
-struct Compared {
-    /// [`OutputError::integration_error`].
-    error: f64,
-    /// Sum of squares in the shorter ones.
-    residual: f64,
-}
-
 /// What disturbs the motion, in the order of the rows' list.
 fn disturbances(
     rows: &OutputRows<'_>,
@@ -527,11 +510,10 @@ impl Estimator for OutputError<'_> {
     fn refine(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<bool, EvalError> {
         let Some(limit) = self.rows.options.step_error else { return Ok(false) };
         let before = self.steps();
-        let Compared { error, residual } = self.predictable(full, extra, most)?;
+        let compared = self.predictable(full, extra, most)?;
+        let (error, limit) = (compared.error, compared.allowed(limit, self.rows.count()));
         let steps = self.steps();
         self.error = Some((error, steps));
-        let left = (residual - FAR * self.rows.count() as f64).max(0.0).sqrt();
-        let limit = limit.max(OF_WHAT_IS_LEFT * left);
         let finer = steps_for(limit, steps, error);
         if error > TOO_COARSE * limit && finer > steps {
             if finer > most.saturating_mul(before) {

@@ -131,12 +131,7 @@ impl Suspects<'_> {
     fn next_mode(&self, at: &Place<'_, '_>) -> Result<Option<Vec<Mode>>, IdentifyError> {
         let Setup { unknowns, shared, labels, .. } = at.setup;
         let (model, records) = (&at.opened.model, self.records);
-        let (mut signals, mut first) = (Vec::new(), 0);
-        for (t, n) in records.iter().zip(at.rows) {
-            let Some(own) = at.end.residuals.get(first..first + n) else { return Ok(None) };
-            signals.push(Signals::of(model, &t.record, own, at.sigma));
-            first += n;
-        }
+        let signals = Signals::of_each(model, records, at.rows, &at.end.residuals, at.sigma);
         let (fitted, values) = (Fitted::of(at.end.clone(), &unknowns.selected), unknowns.expand(&at.end.values)?);
         let end =
             Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
@@ -149,8 +144,7 @@ impl Suspects<'_> {
             return None;
         }
         let unknowns = &self.setup.unknowns;
-        let taken = |name: &str| with.taken.get(name).copied().unwrap_or(0.0);
-        let moves = moved((stuck, &unknowns.selected), unknowns, e, &taken).unwrap_or_default();
+        let moves = moved((stuck, &unknowns.selected), unknowns, e, &|name| with.takes(name)).unwrap_or_default();
         let drop = stuck.objective - e.objective;
         let line = NamedError::fitted(EXTRA_MODE.to_owned(), String::new(), Vec::new(), drop, moves);
         let mut line = NamedError { freedom: with.freedom(), ..line };

@@ -5,7 +5,7 @@
 //!   Unknowns              parameters, ties, priors, start
 //!   drives                channels on the motor's side: friction, reflected inertia, gains of currents
 //!   RecordEstimator       Rda | OutputError for each record -> Several -> Tied -> estimate | best_of
-//!   suspects, missing_mode   errors that keep the fit from any answer, an appendage that the mission lacks among them
+//!   suspects              errors that keep the fit from any answer; in_motion, missing_mode: a start or an appendage that the mission lacks
 //!   ends, lost            whether the end of a fit explains the record, and what it has lost on its way
 //!   elsewhere, valleys    other starts where the fit ended in a wrong valley, minima beside its end
 //!   orders                springs of an appendage in the wrong order, where tests contradict the end
@@ -49,6 +49,7 @@ pub(crate) mod ground;
 mod ground_uncertain;
 pub(crate) mod held_out;
 pub(crate) mod identified;
+mod in_motion;
 mod kept_records;
 pub(crate) mod known;
 pub(crate) mod labelled_record;

@@ -39,7 +39,7 @@ const ARM: f64 = 0.3;
 pub(super) struct Mounted {
     pub(super) opened: Opened,
     /// Parameters of the base that start elsewhere: what the sphere takes of them.
-    pub(super) taken: BTreeMap<String, f64>,
+    taken: BTreeMap<String, f64>,
     modes: usize,
 }
 
@@ -77,9 +77,12 @@ impl Mounted {
     /// Where unknowns of a fit with it begin: those of the fit without at `values`, less what the sphere takes of them.
     pub(super) fn start(&self, values: &BTreeMap<String, f64>, unknowns: &Unknowns) -> Vec<f64> {
         let mut start = unknowns.at(values);
-        let taken = |name: &str| self.taken.get(name).copied().unwrap_or(0.0);
-        start.iter_mut().zip(&unknowns.decls).for_each(|(x, d)| *x -= taken(&d.name));
+        start.iter_mut().zip(&unknowns.decls).for_each(|(x, d)| *x -= self.takes(&d.name));
         start
+    }
+    /// What the sphere takes of a parameter.
+    pub(super) fn takes(&self, name: &str) -> f64 {
+        self.taken.get(name).copied().unwrap_or(0.0)
     }
     /// Numbers that were adjusted for it: frequency, damping and participation of each mode.
     pub(super) fn freedom(&self) -> usize {

@@ -292,7 +292,7 @@ impl Contradicted<'_, '_> {
         if !told {
             return Ok(Tried::Impossible);
         }
-        let taken = |name: &str| mounted.as_ref().and_then(|m| m.taken.get(name)).copied().unwrap_or(0.0);
+        let taken = |name: &str| mounted.as_ref().map_or(0.0, |m| m.takes(name));
         let first = (&self.end.fitted.estimate, &self.end.fitted.selected[..]);
         if let Some((moves, by)) = moved(first, self.end.unknowns, &estimate, &taken) {
             (line.moves, line.moves_by) = (moves, by);
@@ -327,11 +327,7 @@ impl Contradicted<'_, '_> {
     fn left(&self, fit: &Refit) -> Result<(State, Vec<NamedError>), IdentifyError> {
         let Assembled { twins, sigma, rows, .. } = self.assemble(&fit.setup, fit.mounted.as_ref())?;
         let model = fit.mounted.as_ref().map_or(&self.opened.model, |m| &m.opened.model);
-        let (mut signals, mut at) = (Vec::new(), 0);
-        for (t, n) in self.records.iter().zip(&rows) {
-            signals.push(Signals::of(model, &t.record, &fit.estimate.residuals[at..at + n], &sigma));
-            at += n;
-        }
+        let signals = Signals::of_each(model, self.records, &rows, &fit.estimate.residuals, &sigma);
         let values = fit.setup.unknowns.expand(&fit.estimate.values)?;
         let fitted = Fitted::of(fit.estimate.clone(), &fit.selected);
         let end = Ended {

@@ -161,12 +161,7 @@ fn identify_from(
         }
         None => None,
     };
-    let mut signals = Vec::new();
-    let mut at = 0;
-    for (t, n) in records.iter().zip(&rows) {
-        signals.push(Signals::of(model, &t.record, &fitted.estimate.residuals[at..at + n], &sigma));
-        at += n;
-    }
+    let signals = Signals::of_each(model, records, &rows, &fitted.estimate.residuals, &sigma);
     let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
     let ended_well = fitted.estimate.is_solution();
     let named_already = suspected.is_some() || options.start_at_posterior && !ended_well;

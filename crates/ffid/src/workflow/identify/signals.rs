@@ -1,5 +1,6 @@
 //! Measured and predicted channels side by side.
 
+use super::labelled_record::LabelledRecord;
 use super::result::channel::Channel;
 use super::row_layout::RowLayout;
 use crate::exit::Failure;
@@ -30,6 +31,25 @@ pub struct Signals {
 }
 
 impl Signals {
+    /// Those of every record, from residuals one record after the other, of which each has so many `rows`. Allocates.
+    ///
+    /// # Panics
+    /// If there are fewer residuals.
+    pub(super) fn of_each(
+        model: &Model,
+        records: &[LabelledRecord],
+        rows: &[usize],
+        residuals: &[f64],
+        sigma: &[f64],
+    ) -> Vec<Self> {
+        let mut left = residuals;
+        let mut own = |n: usize| {
+            let (first, rest) = left.split_at(n);
+            left = rest;
+            first
+        };
+        records.iter().zip(rows).map(|(t, &n)| Self::of(model, &t.record, own(n), sigma)).collect()
+    }
     /// From whitened residuals `(predicted - measured) / sigma`, in the order of the rows of the estimator.
     ///
     /// # Panics
