@@ -29,7 +29,7 @@ pub fn simulate_reduced_batch(
     }
     let start = |&(_, z0): &(&Params<f64>, &[f64])| z0.len();
     check_starts(model, runs.iter().map(start))?;
-    Ok(dispatch(Isa::detect(), Batch { model, table, runs }))
+    Ok(dispatch(Isa::holding(runs.len()), Batch { model, table, runs }))
 }
 
 /// A parameter set, the table of the arm that belongs to it, and an initial state.
@@ -54,7 +54,7 @@ pub fn simulate_reduced_own_tables(
     for pair in runs.windows(2) {
         assert!(pair[0].1.is_like(pair[1].1), "tables of one sampling, number of joints and hosts of the appendages");
     }
-    Ok(dispatch(Isa::detect(), OwnTables { model, runs }))
+    Ok(dispatch(Isa::holding(runs.len()), OwnTables { model, runs }))
 }
 
 /// Every run with the torques of the coordinates.
