@@ -6,7 +6,7 @@
 
 use super::ends::{FAR, NOWHERE, WIDE, explains, given_back, gone_on, has_springs, is_spring, of_body, within};
 use super::labelled_record::LabelledRecord;
-use super::lost::{bodies_strayed, given_life, has_lost, keep_whole, lost, strayed, vanished};
+use super::lost::{as_others_are_told, bodies_strayed, given_life, has_lost, keep_whole, lost, strayed, vanished};
 use super::observed_estimator::ObservedEstimator;
 use super::row_layout::RowLayout;
 use super::settings::Settings;
@@ -168,6 +168,7 @@ fn best_start(
     let mut starts = Vec::new();
     if !astray.is_empty() {
         starts.push(given_back(request, first, is_astray));
+        starts.extend(as_others_are_told(request, first, &astray));
     }
     let far = first.chi2_per_dof > WIDE * request.noise;
     // While springs were elsewhere, bodies may have been led to the edge of what can exist, where a fit ends, or to masses of no sense. Springs

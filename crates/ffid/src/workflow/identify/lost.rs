@@ -66,6 +66,26 @@ fn untold(request: &Request<'_>, e: &Estimate) -> Vec<usize> {
     springs.iter().map(|(i, _)| **i).filter(|&i| !told(owner(i))).collect()
 }
 
+/// The end of a fit with what has strayed as the mission has it, but springs as stiff as those of the same appendage that the fit tells, in the
+/// geometric mean: a mission that has an appendage wrong has all of its springs wrong. `None` where there is no such spring.
+pub(super) fn as_others_are_told(request: &Request<'_>, e: &Estimate, astray: &[usize]) -> Option<Vec<f64>> {
+    let mut out = given_back(request, e, |i| astray.contains(&i));
+    let mut any = false;
+    for &i in astray.iter().filter(|&&i| is_spring(request, i)) {
+        let decl = |i: usize| (owner(&request.decls[i].name), &request.decls[i].unit);
+        let alike = |(j, p): &(usize, &Estimated)| {
+            is_spring(request, *j) && decl(*j) == decl(i) && !astray.contains(j) && !is_hardly_told(p)
+        };
+        let told: Vec<f64> =
+            request.selected.iter().copied().zip(&e.parameters).filter(alike).map(|t| t.1.value.ln()).collect();
+        if !told.is_empty() {
+            out[i] = (told.iter().sum::<f64>() / told.len() as f64).exp();
+            any = true;
+        }
+    }
+    any.then_some(out)
+}
+
 /// Parameters of the appendages of which one has vanished or strayed, or none is told where much is left over, and the end of the fit with all
 /// of them as the mission has them. Near the record, a damper that is gone is no reason to look for springs that ring where the data do, while
 /// another appendage is lost by more than that; far from it, what has strayed counts where no appendage is untold.
@@ -105,9 +125,57 @@ pub(super) fn keep_whole(model: &Model, request: &Request<'_>, from: &[f64], sta
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ff_least_squares::EvalError;
     use ff_mission::{LoadOptions, Mission};
+    use ff_model::ParamDecl;
+    use ident::Estimator;
+    use ident::estimate::attempt;
     use ident::parameters::select;
-    use nalgebra::Vector3;
+    use nalgebra::{DMatrix, Vector3};
+
+    /// Springs that static tests tell to a hundredth of themselves.
+    struct Told([f64; 4]);
+    impl Estimator for Told {
+        fn rows(&self) -> usize {
+            4
+        }
+        fn residuals(&mut self, k: &[f64], _: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+            (0..4).for_each(|i| r[i] = 100.0 * (k[i] / self.0[i]).ln());
+            Ok(())
+        }
+        fn jacobian(
+            &mut self,
+            k: &[f64],
+            extra: &[f64],
+            _: &[usize],
+            r: &mut [f64],
+            j: &mut DMatrix<f64>,
+        ) -> Result<(), EvalError> {
+            j.fill(0.0);
+            (0..4).for_each(|i| j[(i, i)] = 100.0 / k[i]);
+            self.residuals(k, extra, r)
+        }
+    }
+
+    #[test]
+    fn a_spring_that_ran_away_is_as_stiff_as_those_beside_it() {
+        let decls =
+            ["tank.k[0]", "tank.k[1]", "tank.k[2]", "wing.k[0]"].map(|name| ParamDecl::positive(name, "N m/rad", 0.0));
+        let start = [34.0, 4.3, 5.1, 560.0];
+        let request = Request::new(&decls, &[0, 1, 2, 3], &start);
+        let mut e = attempt(&request, &mut Told([11.0, 8.0, 18.0, 620.0])).unwrap();
+        assert!(as_others_are_told(&request, &e, &strayed(&request, &e)).is_none());
+        e.values[0] = 5e5;
+        let astray = strayed(&request, &e);
+        assert_eq!(astray, [0]);
+        let found = as_others_are_told(&request, &e, &astray).unwrap();
+        assert!((found[0] - 12.0).abs() < 1e-4 && found[1..] == e.values[1..], "{found:?}");
+        // What is hardly told says nothing of others.
+        for p in &mut e.parameters[1..3] {
+            p.std = None;
+        }
+        assert!(as_others_are_told(&request, &e, &astray).is_none());
+    }
 
     #[test]
     fn what_an_appendage_becomes_heavier_by_is_taken_off_the_base() {
