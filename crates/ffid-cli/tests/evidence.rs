@@ -6,6 +6,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::Value;
+use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::fs;
 use std::path::Path;
 
@@ -191,6 +193,26 @@ fn a_clock_of_the_whole_record_that_runs_fast_is_named_and_no_error_of_the_robot
     let best = &r["evidence"]["named"][0];
     let (value, std) = (best["size"][0]["value"].as_f64().unwrap(), best["size"][0]["std"].as_f64().unwrap());
     assert!(code == 16 && best["name"] == "clock-rate" && (value - 0.01).abs() < 1e-3 && std < 5e-4, "{code} {best}");
+}
+
+/// Encoders on a bus that asks one after the other, here one by two samples.
+#[test]
+#[ignore = "full tier: 6 s"]
+fn an_encoder_that_is_late_is_named_and_no_axis_that_is_turned() {
+    let dir = tempfile::tempdir().unwrap();
+    let before = RefCell::new(VecDeque::new());
+    let late = |names: &[String], x: &mut [f64]| {
+        let j = names.iter().position(|n| n.starts_with("q.elbow")).unwrap();
+        let mut before = before.borrow_mut();
+        before.push_back(x[j]);
+        x[j] = if before.len() > 2 { before.pop_front().unwrap() } else { before[0] };
+    };
+    world(dir.path(), 73, late, |m| m);
+    let (code, r) = identify(dir.path(), &[]);
+    let (e, best) = (&r["evidence"], &r["evidence"]["named"][0]);
+    assert!(code == 16 && best["name"] == "encoder-clock.elbow" && best["refitted"] == true, "{code} {e}");
+    let seconds = best["size"][0]["value"].as_f64().unwrap();
+    assert!((seconds - 0.04).abs() < 4e-3, "{seconds}");
 }
 
 /// Torques of ten deviations by the end: fits with the drift begin at the biases that the first has found.

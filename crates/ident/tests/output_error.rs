@@ -96,7 +96,14 @@ fn errors_of_sensors_joints_and_surroundings_have_columns_that_are_derivatives()
     let options = Options { errors, kinematics, ..everything() };
     let mut oe = OutputError::new(&l.model, &record, &options).unwrap();
     let names: Vec<String> = oe.nuisance().into_iter().map(|u| u.name).collect();
-    for name in ["torque.gain", "gyro.rotation.y", "friction.joint7.coulomb", "compliance.joint3", "wrench.nz"] {
+    for name in [
+        "torque.gain",
+        "gyro.rotation.y",
+        "friction.joint7.coulomb",
+        "compliance.joint3",
+        "encoder.lag.joint6",
+        "wrench.nz",
+    ] {
         assert!(names.iter().any(|n| n == name), "{name} of {names:?}");
     }
     let selected = select(&l.model.param_decls(), &["base.mass", "tank.*"]).unwrap();
@@ -136,7 +143,7 @@ pub(crate) fn columns_at(l: &Loaded, oe: &mut OutputError<'_>, selected: &[usize
                 // Readings are linear in a wrench, and hardly change with one of the size of the torques' noise.
                 let step = match u.name.split('.').next() {
                     Some("wrench") => 1.0,
-                    Some("compliance") => 0.1,
+                    Some("compliance" | "encoder") => 0.1,
                     _ => 1e-3,
                 };
                 (truth.len() + c - selected.len(), step * u.size)

@@ -15,6 +15,7 @@ use crate::estimate::remembered::Remembered;
 use crate::estimate::request::FINEST;
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use crate::estimate::setup::{SetupError, check_noise};
+use crate::motion::late_encoder::LateEncoder;
 use crate::motion::tables::{Displaced, KEPT, Table, Tables};
 use crate::uncertain::oscillator::{self, Oscillator};
 use crate::uncertain::source::ErrorSource;
@@ -340,6 +341,7 @@ fn disturbances(
                 let wrenches = oscillator::wrenches(of, column, response);
                 Disturbance::Wrench(Arc::new(move |t| oscillator::at(&wrenches, dt, t)))
             }
+            (ErrorSource::EncoderLag(j), _) => Disturbance::Motion(Arc::new(LateEncoder::new(tables.motion(), j, dt))),
             (ErrorSource::Force(i), _) => along(i),
             (ErrorSource::Moment(i), _) => along(3 + i),
             _ => continue,

@@ -360,6 +360,7 @@ impl SensorErrors {
                 | ErrorSource::GyroWalk(c, _)
                 | ErrorSource::Joint(c, _) => put(row, c, self.offset(&source, group, i, c) * effect.scale(c)),
                 ErrorSource::Compliance(_)
+                | ErrorSource::EncoderLag(_)
                 | ErrorSource::Force(_)
                 | ErrorSource::Moment(_)
                 | ErrorSource::Oscillator(..) => {}

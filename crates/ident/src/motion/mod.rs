@@ -3,6 +3,7 @@
 pub(crate) mod joint_motion;
 pub(crate) mod knot_risk;
 pub(crate) mod knot_spectrum;
+pub(crate) mod late_encoder;
 pub(crate) mod loose_ends;
 pub(crate) mod spline_fit;
 pub(crate) mod stamped_motion;

@@ -176,6 +176,10 @@ impl Tables {
     pub(crate) fn moving(&self) -> (&dyn JointMotion, Option<&LooseEnds>) {
         (&*self.motion, self.noise.as_ref().map(|n| &n.ends))
     }
+    /// The motion.
+    pub(crate) fn motion(&self) -> Arc<dyn JointMotion> {
+        Arc::clone(&self.motion)
+    }
     /// Whether tables are made span by span.
     pub(crate) fn by_spans(&self, wanted: &Wanted) -> bool {
         !self.keeps || self.sampling.samples > KEPT || wanted.kinematics.len() + wanted.disturbances.len() > KEPT_SLOPES

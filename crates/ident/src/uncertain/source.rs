@@ -18,7 +18,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// with the terms `f_j` of the joint ([`JointTerm`]: friction, reflected inertia) and the gain `k_j` of its drive where the channel is the
 /// current of its motor ([`ErrorSource::DriveGain`]), else one.
 ///
-/// and the robot moves by `q_j - compliance_j tau_j` where the encoder reads `q_j`, under a constant wrench on its base. Placements
+/// and the robot moves by `q_j - compliance_j tau_j + lag_j qd_j` where the encoder reads `q_j`, under a constant wrench on its base. Placements
 /// of joints and mounts (encoder offsets, lengths of links, mounts) are [`ff_model::Model::kinematic_params`], biases and delays
 /// options of [`crate::OutputError`], masses and stiffnesses parameters of the model.
 ///
@@ -61,6 +61,8 @@ pub enum ErrorSource {
     ClockRate,
     /// Compliance between an encoder on the motor's side and the link (rad/(N m)).
     Compliance(usize),
+    /// How late the encoder of a joint is (s), to first order: beside the others, on a bus that asks one after the other.
+    EncoderLag(usize),
     /// Constant force on the base at its origin along one of its axes (N).
     Force(usize),
     /// Constant moment on the base about one of its axes (N m).
@@ -118,6 +120,7 @@ impl ErrorSource {
         out.extend(each(|j| Self::Joint(j, JointTerm::Viscous), joints));
         out.extend(each(|j| Self::Joint(j, JointTerm::Coulomb), joints));
         out.extend(each(Self::Compliance, joints));
+        out.extend(each(Self::EncoderLag, joints));
         out.extend(each(|i| Self::GyroScale(Some(i)), 3));
         out.extend(each(Self::GyroRotation, 3));
         out.extend(each(Self::GyroDrift, 3));
@@ -147,6 +150,7 @@ impl ErrorSource {
             Self::GyroSkew => "gyro.skew".into(),
             Self::ClockRate => "clock.rate".into(),
             Self::Compliance(j) => format!("compliance.{}", joints[j]),
+            Self::EncoderLag(j) => format!("encoder.lag.{}", joints[j]),
             Self::Force(i) => format!("wrench.f{}", AXES[i]),
             Self::Moment(i) => format!("wrench.n{}", AXES[i]),
             Self::Oscillator(k, column) => format!("oscillator[{k}].{}", column.name()),
@@ -174,6 +178,7 @@ impl ErrorSource {
             Self::GyroDrift(_) => "rad/s^2",
             Self::GyroWalk(..) => "rad/s",
             Self::Compliance(_) => "rad/(N m)",
+            Self::EncoderLag(_) => "s",
             Self::Force(_) => "N",
             Self::Oscillator(_, column) => column.unit(),
         }
@@ -186,7 +191,8 @@ impl ErrorSource {
             | Self::DriveGain(_)
             | Self::GyroScale(_)
             | Self::GyroRotation(_)
-            | Self::Compliance(_) => true,
+            | Self::Compliance(_)
+            | Self::EncoderLag(_) => true,
             Self::TorqueDrift(_)
             | Self::TorqueWalk(..)
             | Self::TorqueSkew
@@ -204,7 +210,8 @@ impl ErrorSource {
         match self {
             Self::TorqueGain(_) | Self::GyroScale(_) | Self::GyroRotation(_) | Self::DriveGain(_) => 1e-2,
             Self::TorqueSkew | Self::GyroSkew | Self::ClockRate => 1e-3,
-            // What stands out of one reading by the end: steps of a fit are held to a few sizes.
+            // Steps of a fit are held to a few sizes: a sample of a slow bus, and what stands out of one reading by the end.
+            Self::EncoderLag(_) => 1e-2,
             Self::TorqueDrift(_) => 10.0 * torque / seconds,
             Self::GyroDrift(_) => 10.0 * gyro / seconds,
             Self::Joint(_, JointTerm::Load) => 1e-2,
@@ -226,7 +233,8 @@ impl ErrorSource {
             | Self::TorqueWalk(j, _)
             | Self::Joint(j, _)
             | Self::DriveGain(j)
-            | Self::Compliance(j) => j < joints,
+            | Self::Compliance(j)
+            | Self::EncoderLag(j) => j < joints,
             Self::GyroScale(Some(i))
             | Self::GyroRotation(i)
             | Self::GyroDrift(i)
@@ -255,7 +263,9 @@ impl ErrorSource {
                 ActsOn::Readings(1)
             }
             Self::ClockRate => ActsOn::AllReadings,
-            Self::Compliance(_) | Self::Force(_) | Self::Moment(_) | Self::Oscillator(..) => ActsOn::Motion,
+            Self::Compliance(_) | Self::EncoderLag(_) | Self::Force(_) | Self::Moment(_) | Self::Oscillator(..) => {
+                ActsOn::Motion
+            }
         }
     }
 }
