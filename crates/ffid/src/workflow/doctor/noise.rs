@@ -17,6 +17,8 @@ use nalgebra::DMatrix;
 
 /// Ratio of measured to stated noise that is suspicious, and its inverse.
 const OFF: f64 = 3.0;
+/// Ratio of the noise that steps of readings make by themselves to what is stated, from which it is suspicious: it follows the motion.
+const COARSE: f64 = 1.5;
 /// Ratio of the noise of a torque to a thousand times that of the others, or a thousandth, that is a unit; and of theirs to what is stated.
 const EXACT: f64 = 1.15;
 const OTHERS: f64 = 1.5;
@@ -164,7 +166,7 @@ fn differing(s: &Sensor<'_>, expected: f64) -> Vec<(usize, Differs, f64)> {
         let of_step = step / 12f64.sqrt();
         // Steps of a channel at rest hide its noise.
         let hidden = s.quantum.max(step) > 2.0 * s.noise;
-        if of_step > OFF * expected {
+        if of_step > COARSE * expected {
             Some((k, Differs::Coarser, of_step))
         } else if six > OFF * expected && four < LEAKS * six {
             Some((k, Differs::More, six))
