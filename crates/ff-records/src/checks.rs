@@ -19,6 +19,8 @@ const SPIKE: f64 = 8.0;
 const SAMPLED: usize = 20_000;
 /// Longest interval, in usual ones, across which readings are compared with their neighbours.
 const WIDEST: f64 = 2.5;
+/// Steps of a position from one sample to the next, over the largest elsewhere, by which an encoder that froze has been left behind.
+const LEFT_BEHIND: f64 = 4.0;
 /// Largest part of a channel that is left out as spikes.
 const FEW: f64 = 0.01;
 /// Equal readings in a row that are a fault in a channel that hardly ever repeats one.
@@ -157,7 +159,7 @@ pub(crate) fn spikes(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, keep: b
 const CUT: &str = "check sensor and recorder; cut the record where the reading is none";
 
 /// Row D18. A torque or gyro channel that never changes is a dead sensor; one that holds still for a tenth
-/// of the record, or a joint that never moves, may be meant. Readings that freeze ([`frozen`]) are returned to be left out, but for the first of
+/// of the record, or a joint that never moves, may be meant. Readings that freeze ([`frozen`], [`frozen_encoder`]) are returned to be left out, but for the first of
 /// a stretch, unless they are more than [`MOST_FROZEN`] of a channel, or to be kept.
 pub(crate) fn stuck(
     name: &str,
@@ -189,7 +191,11 @@ pub(crate) fn stuck(
             bad.push(if sensor { p.hint("check the sensor; for noise-free simulation allow Data::Stuck") } else { p });
             continue;
         }
-        let stretches = if sensor && longest.len() >= FROZEN { frozen(c) } else { Vec::new() };
+        let stretches = match longest.len() {
+            ..FROZEN => Vec::new(),
+            _ if sensor => frozen(c),
+            _ => frozen_encoder(c),
+        };
         let lost: usize = stretches.iter().map(|r| r.len() - 1).sum();
         if let Some(first) = stretches.first() {
             let few = lost as f64 <= MOST_FROZEN * c.len() as f64;
@@ -223,6 +229,21 @@ fn frozen(x: &[f64]) -> Vec<Range<usize>> {
     let (long, short): (Vec<Range<usize>>, Vec<_>) = all.into_iter().partition(freezes);
     let samples = |all: &[Range<usize>]| all.iter().map(ExactSizeIterator::len).sum::<usize>();
     if (samples(&short) - short.len()) * 100 <= x.len() - samples(&long) { long } else { Vec::new() }
+}
+
+/// Stretches over which an encoder froze while its joint went on: behind them it jumps further than anywhere else from one sample to the next. A joint that
+/// rests holds its position, too, and leaves it slowly.
+fn frozen_encoder(x: &[f64]) -> Vec<Range<usize>> {
+    let ends = |r: &Range<usize>| r.len() >= FROZEN && r.start > 0 && r.end < x.len();
+    let mut found: Vec<Range<usize>> = runs(x).filter(ends).collect();
+    let step = |i: usize| (x[i] - x[i - 1]).abs();
+    let all_but = |found: &[Range<usize>]| {
+        let elsewhere = (1..x.len()).filter(|i| found.iter().all(|r| r.end != *i));
+        elsewhere.map(step).fold(0.0, f64::max)
+    };
+    let usual = all_but(&found);
+    found.retain(|r| step(r.end) > LEFT_BEHIND * usual);
+    found
 }
 
 /// Row D22: unit norm to 1e-3, then normalised; q and -q are the same attitude, so signs are made continuous.
@@ -267,6 +288,7 @@ pub(crate) fn degrees(q: &DMatrix<f64>, qd: &DMatrix<f64>, dt: f64, times: Optio
 #[cfg(test)]
 mod tests {
     use super::*;
+    use core::f64::consts::PI;
 
     fn noise(k: usize) -> f64 {
         let a = (k as f64 * 12.9898 + 4.1).sin() * 43758.5453;
@@ -320,6 +342,34 @@ mod tests {
         // Steps as large as the noise, and a minute at rest.
         let coarse: Vec<f64> = held(900, 960).iter().map(|x| (x / 0.1).round() * 0.1).collect();
         assert!(told(&coarse).0.is_empty(), "{}", told(&coarse));
+    }
+
+    #[test]
+    fn d18_an_encoder_that_freezes_while_its_joint_moves_is_told_from_a_joint_at_rest() {
+        // Out, a rest of a second, and back again.
+        let moves = |t: f64| if t < 5.0 { 0.4 - 0.4 * (0.2 * PI * t).cos() } else { 0.8 };
+        let angle = |k: usize| {
+            let t = 0.01 * k as f64;
+            if t < 6.0 { moves(t) } else { moves(11.0 - t) }
+        };
+        let wave: Vec<f64> = (0..1100).map(angle).collect();
+        let out = |x: &[f64], keep: bool| {
+            let mut bad = Problems::default();
+            let m = DMatrix::from_columns(&[wave.clone().into(), x.to_vec().into()]);
+            let joints = ["shoulder".to_owned(), "elbow".to_owned()];
+            (stuck("q", &m, &joints, &|i| i as f64 * 0.01, keep, &mut bad), bad)
+        };
+        assert!(out(&wave, false).0.is_empty() && out(&wave, false).1.0.is_empty());
+        let held: Vec<f64> =
+            wave.iter().enumerate().map(|(k, x)| if (230..280).contains(&k) { wave[230] } else { *x }).collect();
+        let (left, told) = out(&held, false);
+        assert_eq!(left, (231..280).collect::<Vec<_>>(), "{told}");
+        assert!(told.has("Data::Stuck") && told.to_string().contains("q.elbow: holds exactly"), "{told}");
+        assert!(out(&held, true).0.is_empty() && out(&held, true).1.has("Data::Stuck"));
+        // Steps of the encoder, which a slow joint stays on, too.
+        let coarse = |x: &[f64]| -> Vec<f64> { x.iter().map(|x| (x / 1e-3).round() * 1e-3).collect() };
+        assert!(out(&coarse(&wave), false).0.is_empty());
+        assert_eq!(out(&coarse(&held), false).0, left);
     }
 
     #[test]
