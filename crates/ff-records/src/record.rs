@@ -319,7 +319,7 @@ impl Record {
     fn cut(&self, a: usize, b: usize) -> Result<Self, Problems> {
         self.between(self.time(a), self.time(b - 1), a..b)
     }
-    /// What is sampled from `start` to `end` (s); of channels on the grid, its samples `grid`.
+    /// What is sampled from `start` to `end` (s); of channels on the grid, its samples `grid`, unless the joint motion has times of its own.
     pub(crate) fn between(&self, mut start: f64, mut end: f64, grid: Range<usize>) -> Result<Self, Problems> {
         // A hair, for times that were computed.
         let hair = 1e-6 * self.dt;
@@ -340,14 +340,17 @@ impl Record {
         let mut bases = TimeBases::default();
         let mut pick =
             |group: ChannelGroup, of: &[Option<&DMatrix<f64>>]| -> Result<Vec<Option<DMatrix<f64>>>, Problems> {
-                let rows: Range<usize> = match self.times(group) {
+                // Channels on the grid have times of their own where the joint motion does, which may begin between two samples of it.
+                let on_grid = || of[0].filter(|_| stamped).map(|m| (0..m.nrows()).map(|i| self.time(i)).collect());
+                let times: Option<Vec<f64>> = self.times(group).map(<[f64]>::to_vec).or_else(on_grid);
+                let rows: Range<usize> = match &times {
                     Some(times) => inside(times, start, end),
                     None => grid.clone(),
                 };
                 if rows.len() < 2 && of[0].is_some() {
                     return Err(self.too_few(group, rows.len()));
                 }
-                if let Some(times) = self.times(group) {
+                if let Some(times) = times {
                     bases.set(group, times[rows.clone()].iter().map(|t| (t - start).clamp(0.0, end - start)).collect());
                 }
                 Ok(of.iter().map(|m| m.map(|m| m.rows(rows.start, rows.len()).into_owned())).collect())

@@ -2,8 +2,8 @@
 
 use approx::assert_relative_eq;
 use ff_model::Severity;
-use ff_records::ChannelGroup;
 use ff_records::builder::*;
+use ff_records::{ChannelGroup, Record};
 use ff_testkit::problem::problem_of;
 use ff_testkit::scaled;
 use nalgebra::DMatrix;
@@ -110,6 +110,38 @@ fn clocks_are_uniform_or_refused() {
     assert!(w.has("Data::Gap") && r.has_wide_gaps() && parts.len() == 2, "{w}");
     assert_eq!(parts.iter().map(|p| p.q().nrows()).sum::<usize>(), N);
     assert!((parts[1].t0() - parts[0].t0() - 1.2).abs() < 1e-9 && !parts[1].has_wide_gaps());
+}
+
+/// Rows of positions that are left out do not move torques and gyro, wherever a part or a window begins.
+#[test]
+fn channels_stay_at_their_times_where_positions_are_left_out() {
+    let mut q = wave(2, 0.01);
+    for i in 61..140 {
+        q[(i, 1)] = q[(60, 1)];
+    }
+    q[(200, 0)] += 0.3;
+    let (r, w) = good().q(q.clone()).build().unwrap();
+    assert!(w.has("Data::Stuck") && w.has("Data::Spikes") && !w.has_errors(), "{w}");
+    assert_eq!((r.q().nrows(), r.tau().nrows()), (N - 80, N));
+    let is_part = |part: &Record| {
+        let of = |m: &DMatrix<f64>, all: &DMatrix<f64>, g: ChannelGroup| {
+            assert!(m.nrows() > 10);
+            for (i, t) in (0..m.nrows()).map(|i| (i, part.times(g).map_or_else(|| part.time(i), |t| t[i]))) {
+                let at = ((part.t0() + t - r.t0()) / r.dt()).round() as usize;
+                assert_eq!(m.row(i), all.row(at), "{g:?} {i}");
+            }
+        };
+        of(part.q(), &q, ChannelGroup::Motion);
+        of(part.tau(), r.tau(), ChannelGroup::Torque);
+        of(part.gyro(), r.gyro(), ChannelGroup::Gyro);
+    };
+    let parts = r.split(0.1);
+    assert_eq!(parts.len(), 2);
+    parts.iter().for_each(is_part);
+    is_part(&r.window(r.time(200), r.time(280)).unwrap());
+    // As they were.
+    let (kept, w) = good().q(q).allow("Data::Stuck").keep_spikes(true).build().unwrap();
+    assert!(w.has("Data::Stuck") && kept.is_uniform(), "{w}");
 }
 
 #[test]
