@@ -12,8 +12,8 @@ use ff_model::{Appendage, Decl, Motion, PortAccel, PortDynamics, PortMatrix, Por
 
 /// Runs `$f` with a compile-time capacity of at least the number of segments, so that the usual short panels do not
 /// clear stack buffers for sixteen, and with what the hinges turn about as a constant of [`turn`]: poses then stay in
-/// registers. Two and three hinges, the most common panels, have a version for each axis, which takes a tenth off a prediction; one hinge has one.
-/// Numbers with derivatives take `$cold`, the same function
+/// registers. Two hinges, the most common panel, have a version for each axis; one and three have one version each, since
+/// thirteen took longer to compile than the rest of the crate. Numbers with derivatives take `$cold`, the same function
 /// not inlined: they are compiled once.
 macro_rules! specialised {
     ($c:ident, $f:ident, $cold:ident($($arg:expr),*)) => {
@@ -27,7 +27,7 @@ macro_rules! specialised {
             match $c.count() {
                 1 => $f::<T, 1, { turn::ANY }>($($arg),*),
                 2 => by_axis!($c.about, K => $f::<T, 2, K>($($arg),*)),
-                3 => by_axis!($c.about, K => $f::<T, 3, K>($($arg),*)),
+                3 => $f::<T, 3, { turn::ANY }>($($arg),*),
                 _ => $f::<T, MAX_SEGMENTS, { turn::ANY }>($($arg),*),
             }
         }
