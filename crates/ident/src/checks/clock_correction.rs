@@ -19,8 +19,12 @@ const SURE: f64 = 3.0;
 const LATEST: (f64, f64) = (0.25, 0.03);
 /// Rounds at most.
 const ROUNDS: usize = 4;
-/// Part of a sample below which offset and drift of a round need no correction.
-const SETTLED: f64 = 0.05;
+/// Part of a sample below which what a round still finds of a clock that is corrected needs no other: the tests of a fit see a gyro that is late by a
+/// twentieth of one.
+const SETTLED: f64 = 0.005;
+
+/// Part of a sample from which a clock is corrected ([`correct_clocks`]).
+const CORRECTED: f64 = 0.5;
 
 /// Why a round ended.
 #[derive(Debug, thiserror::Error)]
@@ -132,9 +136,10 @@ impl ClockCorrection {
                 None => found.clone(),
                 Some(t) => Clocks { torque: sum(&t.torque, &found.torque), gyro: sum(&t.gyro, &found.gyro) },
             };
-            let more =
-                |e: &ClockEstimate| e.offset.abs() > SETTLED * dt || (e.skew * record.seconds()).abs() > SETTLED * dt;
-            let unsettled = more(&found.torque) || more(&found.gyro);
+            let seconds = record.seconds();
+            let off = |e: &ClockEstimate, part: f64| e.offset.abs().max((e.skew * seconds).abs()) > part * dt;
+            let more = |total: &ClockEstimate, found: &ClockEstimate| off(total, CORRECTED) && off(found, SETTLED);
+            let unsettled = more(&total.torque, &found.torque) || more(&total.gyro, &found.gyro);
             let (corrected, mask, warnings) = correct_clocks(&self.originals[k], &total);
             if !warnings.0.is_empty() && unsettled {
                 // Samples at the end for which there is no reading.
@@ -153,7 +158,7 @@ impl ClockCorrection {
             let clocks = total.clone()?;
             let (_, _, warnings) = correct_clocks(&self.originals[record], &clocks);
             let (dt, seconds) = (self.originals[record].dt(), self.originals[record].seconds());
-            let off = |e: &ClockEstimate| e.offset.abs() > 0.5 * dt || (e.skew * seconds).abs() > 0.5 * dt;
+            let off = |e: &ClockEstimate| e.offset.abs().max((e.skew * seconds).abs()) > CORRECTED * dt;
             let corrected = (off(&clocks.torque), off(&clocks.gyro));
             Some(CorrectedClocks { record, clocks, corrected, warnings })
         };

@@ -53,10 +53,7 @@ pub(crate) fn motion_of(
         Some(stake) => (motion_at_stake(record, &stake, from_rest)?, stake.weights),
         None => (spectral_motion(record)?, Vec::new()),
     };
-    let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-    fit.fit.motion.eval(0.0, &mut q, &mut qd, &mut qdd);
-    let from_rest = qd.iter().all(|x| x.abs() < STILL);
-    let spacing = fit.fit.spacing;
+    let (spacing, from_rest) = (fit.fit.spacing, fit.fit.from_rest);
     let worth = weights.iter().zip(&fit.noise).map(|(w, s)| (w * s).powi(2)).sum();
     let ends = LooseEnds::new(&times(record), spacing, from_rest, worth);
     let noise = MotionNoise {
@@ -86,9 +83,6 @@ pub(crate) struct MotionNoise {
     /// What it adds to the torques next to the ends.
     pub(crate) ends: LooseEnds,
 }
-
-/// Rate (rad/s or m/s) below which a motion was held at rest; rounding leaves it.
-const STILL: f64 = 1e-12;
 
 impl MotionNoise {
     /// Splines with the same knots through noise alone, at the sample times of the positions: what a fitted motion is off by, without

@@ -11,7 +11,7 @@
 //! Sk(w) = sum_l (w + 2 pi l)^k sinc((w + 2 pi l) / 2)^(2 p + 2)
 //! ```
 //!
-//! with `rho` the deviation of positions over that of rates (0 without rates); `V = 20.6 s^2 dt / h^5` for degree 5 and no rates.
+//! with `rho` the deviation of positions over that of rates (0 without rates); `V = 20.1 s^2 dt / h^5` for degree 7 and no rates.
 //!
 //! **Bias.** What finer knots change beyond their own noise must have been bent (Goldenshluger, Lepski, *Ann. Statist.* 39, 2011, 1608,
 //! here with the mean square over the record):
@@ -170,7 +170,7 @@ mod tests {
 
     #[test]
     fn noise_in_rates_and_accelerations_is_as_the_formula_says() {
-        assert_relative_eq!(variance_of(2, 1.0, 1.0, 0.0), 20.5916, max_relative = scaled(1e-4));
+        assert_relative_eq!(variance_of(2, 1.0, 1.0, 0.0), 20.1063, max_relative = scaled(1e-4));
         let rho = 0.05;
         for (rates, ratio) in [(None, 0.0), (Some(rho), rho)] {
             for (order, measured) in [1, 2].into_iter().zip(measured(rates)) {

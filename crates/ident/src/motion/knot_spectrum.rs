@@ -7,7 +7,7 @@
 //! the finest spacing that lets through no more is taken, or a finer one that the motion needs.
 //!
 //! Above the frequency where the spectrum of the positions meets the floor of its noise there is nothing to follow: a spline of
-//! degree 5 needs some four knots per period there ([`KNOTS_PER_PERIOD`]), and no more. [`crate::motion::spline_fit::choose_knots`] knows no
+//! degree 7 needs some four knots per period there ([`KNOTS_PER_PERIOD`]), and no more. [`crate::motion::spline_fit::choose_knots`] knows no
 //! such end and, told too little noise, follows what there is down to 2.5 samples.
 
 use crate::motion::knot_risk::{Candidate, best, biases, quantum, variance_of};
@@ -18,8 +18,8 @@ use ff_spectral::Welch;
 use ff_spectral::psd::PsdError;
 use nalgebra::DMatrix;
 
-/// Knots per period of the highest frequency that stands out of the noise. At four, a spline of degree 5 follows a sine to
-/// about 1e-3 of its amplitude in position.
+/// Knots per period of the highest frequency that stands out of the noise. At four, a spline of degree 7 follows a sine to
+/// 1.5e-4 of its amplitude in position.
 pub const KNOTS_PER_PERIOD: f64 = 4.0;
 /// Times as many that are candidates where sensors judge the motion: what lies below its noise may still be bent by more than theirs lets pass.
 const FINER: f64 = 2.0;

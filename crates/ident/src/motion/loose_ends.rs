@@ -74,14 +74,22 @@ impl LooseEnds {
     }
 }
 
-/// Between neighbours the larger of the two; zero outside.
+/// At one of them, or between neighbours the larger of the two; zero outside.
 fn within(end: &[(f64, f64)], t: f64) -> f64 {
     let (Some(first), Some(last)) = (end.first(), end.last()) else { return 0.0 };
     if t < first.0 || t > last.0 {
         return 0.0;
     }
     let after = end.partition_point(|e| e.0 < t).min(end.len() - 1);
-    end[after.saturating_sub(1)].1.max(end[after].1)
+    let (before, after) = (end[after.saturating_sub(1)], end[after]);
+    let at = |e: (f64, f64)| (t - e.0).abs() < 1e-6 * (after.0 - before.0);
+    if at(before) {
+        before.1
+    } else if at(after) {
+        after.1
+    } else {
+        before.1.max(after.1)
+    }
 }
 
 #[cfg(test)]

@@ -3,15 +3,15 @@
 //! Differencing samples multiplies noise by `1/h` and `1/h^2`; a spline with few knots averages it first and
 //! gives position, rate and acceleration of one and the same curve. Least-squares spline approximation as in
 //! de Boor (*A Practical Guide to Splines*, ch. XIV) and Piegl and Tiller (*The NURBS Book*, 9.4.1), with
-//! uniform clamped knots of degree 5: `min sum_k |N(t_k) P - q_k|^2 / s^2 + |N'(t_k) P - qd_k|^2 / s_d^2`.
-//! The normal matrix has bandwidth 5, so its Cholesky factorisation costs `O(k)`.
+//! uniform clamped knots of degree 7: `min sum_k |N(t_k) P - q_k|^2 / s^2 + |N'(t_k) P - qd_k|^2 / s_d^2`.
+//! The normal matrix has bandwidth 7, so its Cholesky factorisation costs `O(k)`.
 
 use ff_dynamics::motion::bspline::{BSplineError, BSplineMotion, Knots};
 use nalgebra::DMatrix;
 use thiserror::Error;
 
-/// Degree of the fitted splines: acceleration three times continuously differentiable.
-pub const DEGREE: usize = 5;
+/// Degree of the fitted splines: acceleration five times continuously differentiable.
+pub const DEGREE: usize = 7;
 
 /// Why a record could not be fitted.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -102,6 +102,8 @@ pub struct MotionFit {
     pub rate_residual: Vec<f64>,
     /// Variance of the fitted rate at the first sample for white noise of unit deviation in position (1/s^2).
     pub start_rate_variance: f64,
+    /// The rates at the first sample were held at zero ([`fit_motion_from_rest`]).
+    pub from_rest: bool,
 }
 
 impl MotionFit {
@@ -198,7 +200,8 @@ fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize, from_rest: bool
     res.iter_mut().for_each(|r| *r = (*r / left as f64).sqrt());
     rate.iter_mut().for_each(|r| *r = (*r / m as f64).sqrt());
     let rate_residual = if samples.qd.is_some() { rate } else { Vec::new() };
-    Ok(MotionFit { motion, spacing: end / spans as f64, residual: res, rate_residual, start_rate_variance })
+    let spacing = end / spans as f64;
+    Ok(MotionFit { motion, spacing, residual: res, rate_residual, start_rate_variance, from_rest })
 }
 
 /// Standard deviation of white noise on each joint position, from differences of order 6 of equally spaced
@@ -272,7 +275,7 @@ pub fn noise_of(samples: &JointSamples<'_>) -> Result<Vec<f64>, FitError> {
 
 /// The coarsest knots whose residual is at the noise floor of every joint.
 ///
-/// Spacings from a sixth of the record down to 2.5 samples, each `1/sqrt(2)` of the one before, are tried.
+/// Spacings from a quarter of the record down to 2.5 samples, each `1/sqrt(2)` of the one before, are tried.
 /// `noise` is the standard deviation per joint (rad or m); without it [`noise_of`] is used. "At the
 /// floor" means within two standard deviations of the comparison (`1 + 2 / sqrt(2 N)` for a given noise and `N`
 /// samples, twice as wide for an estimated one) or, for noise below it, within 1e-12 of the largest position. Too coarse knots bend the acceleration, too fine ones
@@ -303,7 +306,7 @@ pub fn choose_knots(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Result
     let count = samples.times.len() as f64;
     let slack = 1.0 + 2.0 * uncertainty / (2.0 * count).sqrt();
     let most = (count / 2.5).floor().max(1.0);
-    let mut spans = 6.0f64.min(most);
+    let mut spans = 4.0f64.min(most);
     loop {
         let fit = fit_spans(samples, end, spans.round() as usize, false)?;
         let reached = fit.residual.iter().zip(noise).all(|(r, s)| *r <= (slack * s).max(1e-12 * largest));

@@ -265,6 +265,10 @@ impl Scores {
     pub fn chi2_per_dof(&self) -> f64 {
         self.chi2 / self.freedom.max(1) as f64
     }
+    /// What noise of the motion adds to [`Scores::chi2_per_dof`].
+    pub fn motion_noise(&self) -> f64 {
+        self.motion / self.freedom.max(1) as f64
+    }
     /// What draws of the motion's noise do to the residuals: one column per draw.
     pub fn drawn(&self) -> &DMatrix<f64> {
         &self.drawn

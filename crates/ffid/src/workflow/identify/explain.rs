@@ -8,7 +8,7 @@ use super::fitted::Ended;
 use super::number::num;
 use super::record_estimator::Twin;
 use super::settings::Settings;
-use super::survey::{Columns, DRAWS, Survey};
+use super::survey::{Columns, Survey};
 use ff_model::ParamDecl;
 use ident::checks::whiteness;
 use ident::estimate::Estimate;
@@ -98,7 +98,7 @@ pub(super) fn tests_of_listed(
 
 /// Tests as they are reported.
 fn found_by(end: &Ended<'_>, survey: Survey, ranking: &Ranking, extra: Option<ExtraMode>) -> Tests {
-    let Survey { scores, layout, tried, names, drawn, .. } = &survey;
+    let Survey { scores, layout, tried, names, .. } = &survey;
     let name_of = |column: usize| names[column].as_str();
     let lines = |all: &[Named]| -> Vec<NamedError> {
         let one = |n: &Named| {
@@ -111,8 +111,7 @@ fn found_by(end: &Ended<'_>, survey: Survey, ranking: &Ranking, extra: Option<Ex
         all.iter().map(one).collect()
     };
     let (matters, alone, named) = (ranking.matters(), lines(&ranking.alone), lines(&ranking.named));
-    let squares: f64 = drawn.iter().map(|d: &DMatrix<f64>| d.norm_squared()).sum();
-    let motion_noise = squares / (DRAWS * end.fitted.estimate.residuals.len().max(1)) as f64;
+    let motion_noise = scores.motion_noise();
     let (explained, excess) = (ranking.explained, ranking.excess);
     let decls = end.model.param_decls();
     let harm = if end.fitted.estimate.is_solution() && end.unknowns.marginal.is_empty() {

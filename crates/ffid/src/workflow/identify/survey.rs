@@ -19,7 +19,7 @@ use ident::{Estimator, Options, OutputError, SetupError, Several};
 use nalgebra::DMatrix;
 
 /// Draws of the encoders' noise.
-pub(super) const DRAWS: usize = 6;
+const DRAWS: usize = 6;
 /// Those that are added to the motion and taken off it.
 const SHAKEN: usize = 3;
 
