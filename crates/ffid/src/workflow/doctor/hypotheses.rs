@@ -11,6 +11,7 @@ use super::diagnosis::{Finding, Judgement, Topic};
 use super::mismatch::{Output, distance_with, explain, is_gyro_reversed, put_right};
 use super::motion_error::MotionError;
 use super::prediction::Prediction;
+use super::prior::FAR_OFF;
 use super::quick_fit::{FOLLOWS, QuickFit, quick_fit, thinned};
 use super::sensor_errors;
 use super::told;
@@ -20,6 +21,8 @@ use std::slice;
 
 /// Mean distance below which nothing is looked for before a fit.
 const EXPLAINED: f64 = 0.3;
+/// What fits are compared by.
+const MISFIT: &str = "the misfit of a quick fit";
 /// Part of the mean distance that an error taken before a fit must leave at most, and the most that it may leave.
 const BETTER: f64 = 0.4;
 const LEFT: f64 = 0.35;
@@ -88,7 +91,7 @@ pub(super) fn before_fit(case: &Case<'_>, predicted: Option<&Prediction>) -> Vec
     }
     let (motion, Some(e)) = best else { return Vec::new() };
     let measure = "the mean distance of torques and gyro from their prediction";
-    let why = Grounds { measure, before, after: e.after, rivals: Vec::new() };
+    let why = Grounds { measure, before, after: e.after, limit: EXPLAINED, rivals: Vec::new() };
     // What leaves most of the distance explains nothing.
     let outputs = if e.after < BETTER || e.after < 0.5 * e.before { &e.outputs[..] } else { &[] };
     findings_of(case, motion, outputs, &why)
@@ -173,7 +176,7 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
             let best = put_right(h);
             let rivals = fitted[1..].iter().filter(as_good).filter(|(_, r)| put_right(r) != best);
             let rivals = rivals.map(|(_, r)| named(case, r.motion, &r.outputs)).collect();
-            let why = Grounds { measure: "the misfit of a quick fit", before, after, rivals };
+            let why = Grounds { measure: MISFIT, before, after, limit: FAR_OFF, rivals };
             found.scales = Scales::of(case, h.motion, &h.outputs);
             found.motion_is_right = !h.motion.is_unit();
             found.findings.extend(findings_of(case, h.motion, &h.outputs, &why));
@@ -196,7 +199,7 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
             let as_good = |r: &&(QuickFit, Output)| r.0.misfit < (RIVAL * after).max(FOLLOWED);
             let rivals =
                 numbers[1..].iter().filter(as_good).map(|(_, o)| named(case, MotionError::None, slice::from_ref(o)));
-            let why = Grounds { measure: "the misfit of a quick fit", before, after, rivals: rivals.collect() };
+            let why = Grounds { measure: MISFIT, before, after, limit: FAR_OFF, rivals: rivals.collect() };
             found.findings.extend(findings_of(case, MotionError::None, slice::from_ref(first), &why));
         }
     }

@@ -8,7 +8,7 @@ use ff_model::diagnostics::Limit;
 use ff_model::{Area, Problem};
 
 /// Misfit above which a quick fit is so far from the record, a tenth of the signals and more, that something is missing or turned.
-const FAR_OFF: f64 = 5.0;
+pub(super) const FAR_OFF: f64 = 5.0;
 
 /// Chi-squared per degree of freedom of the mission's values; what it is, and no judgement: that the values are wrong is why there is a fit.
 /// Suspicious where a quick fit from them does not come near the record, and nothing else that was found is why.

@@ -17,18 +17,25 @@ pub(super) struct Grounds {
     pub(super) measure: &'static str,
     pub(super) before: f64,
     pub(super) after: f64,
+    /// What of it follows a record.
+    pub(super) limit: f64,
     /// Other errors that explain as much.
     pub(super) rivals: Vec<String>,
 }
 
 impl Grounds {
     fn words(&self) -> String {
-        let Self { measure, before, after, .. } = self;
-        let out = if before.is_finite() {
+        let Self { measure, before, after, limit, .. } = self;
+        let mut out = if before.is_finite() {
             format!("with that put right {measure} falls from {before:.4} to {after:.4}")
         } else {
             format!("with that put right {measure} is {after:.4}; as it is, the record cannot be predicted")
         };
+        if after > limit {
+            out += &format!(
+                "; that does not follow the record either (limit {limit}), so that another error of this kind may be the right one"
+            );
+        }
         out + &self.doubts()
     }
     /// What else explains as much, behind a semicolon.
@@ -57,7 +64,7 @@ pub(super) fn findings_of(case: &Case<'_>, motion: MotionError, outputs: &[Outpu
 
 /// A hypothesis in a few words.
 pub(super) fn named(case: &Case<'_>, motion: MotionError, outputs: &[Output]) -> String {
-    let why = Grounds { measure: "", before: 0.0, after: 0.0, rivals: Vec::new() };
+    let why = Grounds { measure: "", before: 0.0, after: 0.0, limit: 1.0, rivals: Vec::new() };
     let one = |f: Finding| {
         let text = f.text.split([';', '(']).next().unwrap_or("").trim().to_owned();
         f.channel.map_or(text.clone(), |c| format!("{c}: {text}"))

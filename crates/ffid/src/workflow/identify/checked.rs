@@ -218,7 +218,13 @@ fn not_conserved(c: &MomentumChange, labelled: &LabelledRecord, declared: bool) 
         100.0 * (c.drop / c.excess).min(1.0)
     );
     let make = if declared { Problem::warning } else { Problem::error };
-    let hint = "leave the firing out of the record, or declare it with --external-torque";
+    // Both turn the gyro's rate by a ramp.
+    let hint = match c.at {
+        Some(_) => "leave the firing out of the record, or declare it with --external-torque",
+        None => {
+            "a torque acts, or the bias of the gyro drifts: --external-torque lets the record pass, and the tests of errors tell which it is"
+        }
+    };
     make(Area::Data, "Data::MomentumNotConserved", what).on(&labelled.label).hint(hint)
 }
 
