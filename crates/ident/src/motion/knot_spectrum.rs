@@ -11,7 +11,7 @@
 //! such end and, told too little noise, follows what there is down to 2.5 samples.
 
 use crate::motion::knot_risk::{Candidate, best, biases, quantum, variance_of};
-use crate::motion::spline_fit::{FitError, JointSamples, MotionFit, fit_motion, is_even, noise_of};
+use crate::motion::spline_fit::{FitError, JointSamples, MotionFit, fit_motion, fit_of_degree, is_even, noise_of};
 use ff_records::ChannelGroup;
 use ff_records::time_base::{TimeBaseError, on_grid_across};
 use ff_spectral::Welch;
@@ -21,6 +21,9 @@ use nalgebra::DMatrix;
 /// Knots per period of the highest frequency that stands out of the noise. At four, a spline of degree 7 follows a sine to
 /// 1.5e-4 of its amplitude in position.
 pub const KNOTS_PER_PERIOD: f64 = 4.0;
+/// Degree of the splines that spacings are judged by, two less than that of the motion: a kink in the accelerations is bent as far as the knots are wide, and
+/// too little of the record to be seen in its mean; what a lower degree bends elsewhere keeps knots near enough.
+const JUDGED: usize = 5;
 /// Times as many that are candidates where sensors judge the motion: what lies below its noise may still be bent by more than theirs lets pass.
 const FINER: f64 = 2.0;
 /// Samples per knot below which a spline follows every sample.
@@ -172,7 +175,7 @@ pub fn fit_at_stake(
     let mut candidates = Vec::new();
     let mut spacing = (end / 6.0).max(densest);
     loop {
-        let fit = fit_motion(samples, spacing)?;
+        let fit = fit_of_degree(samples, spacing, JUDGED)?;
         let passes = variance(fit.spacing);
         candidates.push(Candidate::new(fit, &instants, passes, stake));
         if spacing <= densest {
@@ -191,7 +194,7 @@ pub fn fit_at_stake(
     let mut candidates: Vec<Candidate> = Vec::with_capacity(2 * coarse.len());
     for c in coarse {
         if let Some(last) = candidates.last() {
-            let fit = fit_motion(samples, (last.fit.spacing * c.fit.spacing).sqrt())?;
+            let fit = fit_of_degree(samples, (last.fit.spacing * c.fit.spacing).sqrt(), JUDGED)?;
             let passes = variance(fit.spacing);
             candidates.push(Candidate::new(fit, &instants, passes, stake));
         }
@@ -208,7 +211,10 @@ pub fn fit_at_stake(
         (false, true) if densest == finest => KnotReason::AllOfTheBand,
         _ => KnotReason::AccelerationsSettled,
     };
-    let fit = candidates.swap_remove(chosen).fit;
+    let spacing = candidates[chosen].fit.spacing;
+    let candidate = candidates.swap_remove(chosen).fit;
+    // Where samples are too few for one more of its points, the spline that was judged stays.
+    let fit = fit_motion(samples, spacing).unwrap_or(candidate);
     Ok(SpectralFit { fit, bands, floors, noise, steps, rate_weight: rho, dt, reason })
 }
 

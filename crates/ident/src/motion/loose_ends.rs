@@ -29,11 +29,11 @@ pub(super) fn end_variance(times: &[f64], spacing: f64, held: bool) -> Option<Ve
     let mut normal = Banded::zeros(knots.count());
     for &t in times.iter().take_while(|t| **t <= end) {
         let (first, [b]) = knots.local::<1>(t);
-        normal.add_outer(first, &b, 1.0);
+        normal.add_outer(first, &b[..=DEGREE], 1.0);
     }
     if held {
         let (first, [_, rate]) = knots.local::<2>(0.0);
-        normal.hold(first, &rate, HELD);
+        normal.hold(first, &rate[..=DEGREE], HELD);
     }
     normal.factor().ok()?;
     let of = |t: f64| {

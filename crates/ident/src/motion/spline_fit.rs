@@ -122,7 +122,7 @@ impl MotionFit {
 /// # Errors
 /// [`FitError`] naming the argument or the time where samples are missing.
 pub fn fit_motion(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit, FitError> {
-    fit_spacing(samples, spacing, false)
+    fit_spacing(samples, spacing, (DEGREE, false))
 }
 
 /// [`fit_motion`] with the rates at the first sample held at zero.
@@ -133,37 +133,47 @@ pub fn fit_motion(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit,
 /// # Errors
 /// As [`fit_motion`].
 pub fn fit_motion_from_rest(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit, FitError> {
-    fit_spacing(samples, spacing, true)
+    fit_spacing(samples, spacing, (DEGREE, true))
 }
 
-fn fit_spacing(samples: &JointSamples<'_>, spacing: f64, from_rest: bool) -> Result<MotionFit, FitError> {
+/// [`fit_motion`] by a spline of another degree, up to [`DEGREE`].
+pub(super) fn fit_of_degree(samples: &JointSamples<'_>, spacing: f64, degree: usize) -> Result<MotionFit, FitError> {
+    fit_spacing(samples, spacing, (degree, false))
+}
+
+fn fit_spacing(samples: &JointSamples<'_>, spacing: f64, of: (usize, bool)) -> Result<MotionFit, FitError> {
     let end = check(samples)?;
     positive("knot spacing", spacing)?;
     let spans = (end / spacing).round().clamp(1.0, samples.times.len() as f64) as usize;
-    fit_spans(samples, end, spans, from_rest)
+    fit_spans(samples, end, spans, of)
 }
 
 /// Weight of the rate at the first sample, where it is held, over that of the samples on its knots: leaves `1e-8` of it, and half the
 /// digits.
 pub(super) const HELD: f64 = 1e8;
 
-fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize, from_rest: bool) -> Result<MotionFit, FitError> {
-    let knots = Knots::uniform(DEGREE, spans + DEGREE, end)?;
+fn fit_spans(
+    samples: &JointSamples<'_>,
+    end: f64,
+    spans: usize,
+    (degree, from_rest): (usize, bool),
+) -> Result<MotionFit, FitError> {
+    let knots = Knots::uniform(degree, spans + degree, end)?;
     let (n, k) = (samples.dof, knots.count());
     let w2 = samples.rate_weight * samples.rate_weight;
     let mut normal = Banded::zeros(k);
     let mut rhs = DMatrix::zeros(n, k);
     for (i, &t) in samples.times.iter().enumerate() {
         let (first, [b, d]) = knots.local::<2>(t);
-        normal.add_outer(first, &b, 1.0);
-        for a in 0..=DEGREE {
+        normal.add_outer(first, &b[..=degree], 1.0);
+        for a in 0..=degree {
             for j in 0..n {
                 rhs[(j, first + a)] += b[a] * samples.q[i * n + j];
             }
         }
         if let Some(qd) = samples.qd {
-            normal.add_outer(first, &d, w2);
-            for a in 0..=DEGREE {
+            normal.add_outer(first, &d[..=degree], w2);
+            for a in 0..=degree {
                 for j in 0..n {
                     rhs[(j, first + a)] += w2 * d[a] * qd[i * n + j];
                 }
@@ -172,14 +182,14 @@ fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize, from_rest: bool
     }
     let (first, [_, rate]) = knots.local::<2>(0.0);
     if from_rest {
-        normal.hold(first, &rate, HELD);
+        normal.hold(first, &rate[..=degree], HELD);
     }
     normal.factor().map_err(|i| FitError::Undetermined { time: knots.greville()[i] })?;
     normal.solve(&mut rhs);
     let mut of_rate = DMatrix::zeros(1, k);
-    (0..=DEGREE).for_each(|a| of_rate[(0, first + a)] = rate[a]);
+    (0..=degree).for_each(|a| of_rate[(0, first + a)] = rate[a]);
     normal.solve(&mut of_rate);
-    let start_rate_variance = (0..=DEGREE).map(|a| rate[a] * of_rate[(0, first + a)]).sum();
+    let start_rate_variance = (0..=degree).map(|a| rate[a] * of_rate[(0, first + a)]).sum();
     let motion = BSplineMotion::new(knots, rhs)?;
     let (mut res, mut rate) = (vec![0.0; n], vec![0.0; n]);
     let mut y = vec![0.0; n];
@@ -308,7 +318,7 @@ pub fn choose_knots(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Result
     let most = (count / 2.5).floor().max(1.0);
     let mut spans = 4.0f64.min(most);
     loop {
-        let fit = fit_spans(samples, end, spans.round() as usize, false)?;
+        let fit = fit_spans(samples, end, spans.round() as usize, (DEGREE, false))?;
         let reached = fit.residual.iter().zip(noise).all(|(r, s)| *r <= (slack * s).max(1e-12 * largest));
         if reached || spans >= most {
             return Ok(fit);
@@ -358,9 +368,9 @@ impl Banded {
     pub(super) fn zeros(n: usize) -> Self {
         Self { rows: vec![[0.0; DEGREE + 1]; n] }
     }
-    /// Adds `w b b^T` at rows and columns `first ..= first + DEGREE`.
+    /// Adds `w b b^T` at rows and columns from `first`.
     pub(super) fn add_outer(&mut self, first: usize, b: &[f64], w: f64) {
-        for i in 0..=DEGREE {
+        for i in 0..b.len() {
             for j in 0..=i {
                 self.rows[first + i][DEGREE + j - i] += w * b[i] * b[j];
             }
