@@ -66,7 +66,7 @@ fn d15_a_channel_that_is_late_is_put_right_with_a_warning() {
     assert!(err.contains("warning[Data::ClockOffset]") && err.contains("torque"), "{err}");
     let r = near_the_truth(&c, "res", 4.5);
     let clock = r.clocks.iter().find(|k| k.group == "torque").unwrap();
-    assert!(clock.corrected && (clock.offset_s - 0.06).abs() < 4.0 * clock.offset_std_s, "{clock:?}");
+    assert!(clock.corrected && (clock.offset_s - 0.06).abs() < (4.0 * clock.offset_std_s).min(0.004), "{clock:?}");
     assert!(r.clocks.iter().any(|k| k.group == "gyro" && !k.corrected), "{:?}", r.clocks);
     assert!((r.chi2_per_dof - 1.0).abs() < 0.05, "{}", r.chi2_per_dof);
     // Trusted, the record is not explained, or explained by wrong parameters.

@@ -21,8 +21,8 @@
 //! ```
 //!
 //! A bias below the noise of all finer knots is not seen so, but it is the same at all samples, and the tests of a fit see it. Where
-//! sensors judge, what coarser knots are seen to bend stands for it: it is taken to fall no faster than that of a planned spline of degree 5,
-//! whose accelerations knots elsewhere bend by `h^4`, so that `B^2(h) >= B^2(2^(1/2) h) 2^-4`.
+//! sensors judge, what coarser knots are seen to bend stands for it: it is taken to fall no faster than that of a smooth motion with fine knots,
+//! whose accelerations the splines that judge, of degree 5, bend by `h^4`, so that `B^2(h) >= B^2(2^(1/2) h) 2^-4`.
 //!
 //! Rates weigh beside accelerations where a gyro feels them: their variance is the same integral over `S2` and `h^3`.
 
@@ -123,16 +123,16 @@ pub(crate) fn biases(candidates: &[Candidate], instants: &[f64]) -> Vec<f64> {
     (0..candidates.len()).map(of).collect()
 }
 
-/// Power of the spacing that `B^2` is taken to fall by: that of a planned spline of degree 5, whose fifth derivative jumps. Of a smoother motion it falls
-/// faster, by twice the degree less two.
-const FALLS: i32 = 8;
+/// Degree of the splines that spacings are judged by, two less than that of the motion: a kink in the accelerations is bent as far as the knots are wide, and
+/// too little of the record to be seen in its mean; what a lower degree bends elsewhere keeps knots near enough.
+pub(crate) const JUDGED: usize = 5;
 
 /// What is seen of the biases, bounded from below by what coarser knots are seen to bend: see the page above.
 fn bounded(candidates: &[Candidate], seen: &[f64]) -> Vec<f64> {
     let mut all = seen.to_vec();
     for i in 1..all.len() {
         let finer = candidates[i].fit.spacing / candidates[i - 1].fit.spacing;
-        all[i] = all[i].max(all[i - 1] * finer.powi(FALLS));
+        all[i] = all[i].max(all[i - 1] * finer.powi(2 * (JUDGED as i32 - 1)));
     }
     all
 }

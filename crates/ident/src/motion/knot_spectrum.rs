@@ -10,7 +10,7 @@
 //! degree 7 needs some four knots per period there ([`KNOTS_PER_PERIOD`]), and no more. [`crate::motion::spline_fit::choose_knots`] knows no
 //! such end and, told too little noise, follows what there is down to 2.5 samples.
 
-use crate::motion::knot_risk::{Candidate, best, biases, quantum, variance_of};
+use crate::motion::knot_risk::{Candidate, JUDGED, best, biases, quantum, variance_of};
 use crate::motion::spline_fit::{FitError, JointSamples, MotionFit, fit_motion, fit_of_degree, is_even, noise_of};
 use ff_records::ChannelGroup;
 use ff_records::time_base::{TimeBaseError, on_grid_across};
@@ -21,9 +21,6 @@ use nalgebra::DMatrix;
 /// Knots per period of the highest frequency that stands out of the noise. At four, a spline of degree 7 follows a sine to
 /// 1.5e-4 of its amplitude in position.
 pub const KNOTS_PER_PERIOD: f64 = 4.0;
-/// Degree of the splines that spacings are judged by, two less than that of the motion: a kink in the accelerations is bent as far as the knots are wide, and
-/// too little of the record to be seen in its mean; what a lower degree bends elsewhere keeps knots near enough.
-const JUDGED: usize = 5;
 /// Times as many that are candidates where sensors judge the motion: what lies below its noise may still be bent by more than theirs lets pass.
 const FINER: f64 = 2.0;
 /// Samples per knot below which a spline follows every sample.
