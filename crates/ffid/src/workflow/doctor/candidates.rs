@@ -1,4 +1,4 @@
-//! Everything that may be wrong with units, axes and signs of a record, each put right and compared with the values of the mission.
+//! Everything that may be wrong with units, axes and signs of a record, each put right and compared with a prediction.
 
 use super::case::Case;
 use super::mismatch::{Explained, Output, distance_with, explain, gyro_unit, torque_unit};
@@ -86,8 +86,8 @@ pub(super) fn turned_gyros() -> impl Iterator<Item = AxisMismatch> {
     })
 }
 
-/// Everything that may be wrong with positions and outputs, cheapest first.
-pub(super) fn ranked(case: &Case<'_>, thin: &Record) -> Vec<Hypothesis> {
+/// Everything that may be wrong with positions and outputs, by what it leaves at these values, cheapest first.
+pub(super) fn ranked(case: &Case<'_>, thin: &Record, values: &[f64]) -> Vec<Hypothesis> {
     let (turns, n) = (turns(case), thin.joints());
     let mut out = Vec::new();
     let mut all = vec![MotionError::None];
@@ -96,7 +96,7 @@ pub(super) fn ranked(case: &Case<'_>, thin: &Record) -> Vec<Hypothesis> {
     let swapped = |i, j| Output::Swapped { joints: (i, j) };
     for motion in all {
         let record = motion.put_right(thin, &turns);
-        let Some(p) = Prediction::coarse(case, &record) else { continue };
+        let Some(p) = Prediction::coarse_at(case, &record, values) else { continue };
         let Explained { outputs, .. } = explain(&record, &p);
         let mut variants = vec![Vec::new()];
         if !outputs.is_empty() {

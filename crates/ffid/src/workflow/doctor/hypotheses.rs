@@ -12,10 +12,11 @@ use super::mismatch::{Output, distance_with, explain, is_gyro_reversed, put_righ
 use super::motion_error::MotionError;
 use super::prediction::Prediction;
 use super::prior::FAR_OFF;
-use super::quick_fit::{FOLLOWS, QuickFit, quick_fit, thinned};
+use super::quick_fit::{FOLLOWS, QuickFit, quick_fit, thinned, tuned_starts};
 use super::sensor_errors;
 use super::told;
 use super::words::{Grounds, findings_of, named};
+use ff_model::Params;
 use ff_records::Record;
 use std::slice;
 
@@ -30,6 +31,8 @@ const LEFT: f64 = 0.35;
 const FEWEST: usize = 100;
 /// Part of the misfit that an error may leave.
 const UNEXPLAINED: f64 = 0.25;
+/// Starts that are tried where one from the values of the mission leads nowhere.
+const TUNED: usize = 3;
 /// Hypotheses that are fitted.
 const FITTED: usize = 4;
 /// Another hypothesis explains as much as the best where its misfit, or the misfit below which both follow, and its distance are no larger.
@@ -107,12 +110,13 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
         fit: None,
     };
     let Some(thin) = thinned(case, case.record) else { return found };
-    found.fit = quick_fit(case, &thin, &found.scales, false);
-    let before = found.fit.as_ref().map_or(f64::INFINITY, |f| f.misfit);
     let limit = FOLLOWS;
+    let Begun { start, fit, others } = begun(case, &thin);
+    found.fit = fit;
+    let before = found.fit.as_ref().map_or(f64::INFINITY, |f| f.misfit);
     let good = |text: String| case.finding(Topic::Units, Judgement::Good, text).figures(before, 1.0, "");
     let few = case.record.samples() < FEWEST;
-    let predicted = Prediction::coarse(case, &thin);
+    let predicted = Prediction::coarse_at(case, &thin, &start);
     let seen = predicted
         .as_ref()
         .is_some_and(|p| explain(&thin, p).outputs.iter().any(Output::is_unit) || is_gyro_reversed(p, thin.joints()));
@@ -135,7 +139,7 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
     }
     let explains = |after: f64| after < UNEXPLAINED * before;
     // First what costs one fit.
-    let moving = quick_fit(case, &thin, &found.scales, true).map_or(f64::INFINITY, |f| f.misfit);
+    let moving = quick_fit(case, &thin, &found.scales, &start, true).map_or(f64::INFINITY, |f| f.misfit);
     if explains(moving) && moving < limit && !suspected {
         found.starts_in_motion = true;
         found.findings.push(good(format!(
@@ -143,7 +147,9 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
         )));
         return found;
     }
-    // By the values of the mission, of which a fit may stray into a wrong valley; a single mistake may then be taken from the distance alone.
+    // By the values that fits begin from, of which one may stray into a wrong valley; a single mistake may then be taken from the distance alone.
+    let Ranked { start, hypotheses } = nearest(case, &thin, start, others);
+    let predicted = Prediction::coarse_at(case, &thin, &start);
     let as_it_is = predicted.map_or(2.0, |p| distance_with(&thin, &p, &[]));
     let is_taken = |fit: &QuickFit, h: &Hypothesis| {
         let (after, single) = (fit.misfit, h.price <= SIMPLER);
@@ -160,7 +166,7 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
                 && (after < before.min(moving) || (seen && after < if h.is_unit() { limit } else { 0.7 * before })))
             || (back && h.is_gyro_unit())
     };
-    let mut fitted = fitted(case, &thin);
+    let mut fitted = fitted(case, &thin, &start, hypotheses);
     fitted.retain(|(fit, h)| is_taken(fit, h));
     // Of two that explain the record, the one of fewer mistakes, then the one nearer to the values of the mission.
     let cost = |(fit, h): &(QuickFit, Hypothesis)| fit.misfit.max(FOLLOWED) * h.price;
@@ -187,7 +193,7 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
                 .push(good(format!("a quick fit follows torques and gyro, misfit {before:.3}, limit {limit}")));
         }
         None => {
-            let numbers = sensor_errors::found(case, &thin, before);
+            let numbers = sensor_errors::found(case, &thin, &start, before);
             let Some((fit, first)) = numbers.first() else {
                 let text = format!(
                     "no unit, axis or sign explains what a quick fit leaves, misfit {before:.3}, limit {limit}"
@@ -206,18 +212,73 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
     found
 }
 
-/// Quick fits of the hypotheses that are nearest to the values of the mission, and of units that only a fit can tell.
-fn fitted(case: &Case<'_>, thin: &Record) -> Vec<(QuickFit, Hypothesis)> {
+/// Where quick fits of a record begin.
+struct Begun {
+    start: Vec<f64>,
+    /// Of the record as it is, from there.
+    fit: Option<QuickFit>,
+    /// Other starts that were tried.
+    others: Vec<Vec<f64>>,
+}
+
+/// The values of the mission, or, where a quick fit from them does not follow the record, those at which an appendage rings as the record does
+/// if that leads nearer: springs that are a third too stiff slip by a period within some, and no step leads back.
+fn begun(case: &Case<'_>, thin: &Record) -> Begun {
+    let scales = Scales::none(case);
+    let misfit = |fit: &Option<QuickFit>| fit.as_ref().map_or(f64::INFINITY, |f| f.misfit);
+    let nominal = Params::nominal(case.model).values().to_vec();
+    let mut best = Begun { fit: quick_fit(case, thin, &scales, &nominal, false), start: nominal, others: Vec::new() };
+    if misfit(&best.fit) <= FOLLOWS || thin.samples() < FEWEST {
+        return best;
+    }
+    let left = |values: &[f64]| Prediction::coarse_at(case, thin, values).map(|p| distance_with(thin, &p, &[]));
+    let mut tuned: Vec<(f64, Vec<f64>)> =
+        tuned_starts(case).into_iter().filter_map(|values| Some((left(&values)?, values))).collect();
+    tuned.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for (_, mut values) in tuned.into_iter().take(TUNED) {
+        let fit = quick_fit(case, thin, &scales, &values, false);
+        if misfit(&fit) < misfit(&best.fit) {
+            core::mem::swap(&mut best.start, &mut values);
+            best.fit = fit;
+        }
+        best.others.push(values);
+        if misfit(&best.fit) <= FOLLOWS {
+            break;
+        }
+    }
+    best
+}
+
+/// Hypotheses by what they leave at the start.
+struct Ranked {
+    start: Vec<f64>,
+    hypotheses: Vec<Hypothesis>,
+}
+
+/// The start from which one of the hypotheses leaves the least: what is wrong with a record hides which start is right until it is put right.
+fn nearest(case: &Case<'_>, thin: &Record, start: Vec<f64>, others: Vec<Vec<f64>>) -> Ranked {
+    let rank = |start: Vec<f64>| Ranked { hypotheses: ranked(case, thin, &start), start };
+    let least = |r: &Ranked| r.hypotheses.first().map_or(f64::INFINITY, |h| h.distance * h.price);
+    let first = rank(start);
+    others.into_iter().map(rank).fold(first, |best, r| if least(&r) < least(&best) { r } else { best })
+}
+
+/// Quick fits, from `start`, of the hypotheses that are nearest to what is predicted there, and of units that only a fit can tell.
+fn fitted(
+    case: &Case<'_>,
+    thin: &Record,
+    start: &[f64],
+    mut ranked: Vec<Hypothesis>,
+) -> Vec<(QuickFit, Hypothesis)> {
     let turns = turns(case);
     let one = |h: Hypothesis| {
         let record = put_right(&h.motion.put_right(thin, &turns), &h.outputs);
-        let fit = quick_fit(case, &record, &Scales::of(case, h.motion, &h.outputs), false)?;
+        let fit = quick_fit(case, &record, &Scales::of(case, h.motion, &h.outputs), start, false)?;
         Some((fit, h))
     };
-    let mut all = ranked(case, thin);
-    let rest = all.split_off(FITTED.min(all.len()));
-    all.extend(rest.into_iter().filter(Hypothesis::is_of_device));
-    all.into_iter().filter_map(one).collect()
+    let rest = ranked.split_off(FITTED.min(ranked.len()));
+    ranked.extend(rest.into_iter().filter(Hypothesis::is_of_device));
+    ranked.into_iter().filter_map(one).collect()
 }
 
 impl Scales {

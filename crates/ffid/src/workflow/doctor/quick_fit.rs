@@ -6,6 +6,7 @@
 
 use super::case::{Case, Scales};
 use crate::workflow::amplitude::{PART, amplitude};
+use crate::workflow::identify::ringing::{Ringing, tuned};
 use ff_least_squares::Settings as Solver;
 use ff_model::Params;
 use ff_records::Record;
@@ -69,6 +70,15 @@ pub(super) fn output_error<'a>(
     OutputError::new(case.model, record, &options).ok()
 }
 
+/// Starts at which an appendage rings as the record does while the joints stand still.
+pub(super) fn tuned_starts(case: &Case<'_>) -> Vec<Vec<f64>> {
+    let (decls, nominal) = (case.model.param_decls(), Params::nominal(case.model));
+    let expand = |values: &[f64]| Some(values.to_vec());
+    let (model, noise, records) = (case.model, &case.settings.noise, vec![case.record]);
+    let request = Request::new(&decls, case.estimated, nominal.values());
+    tuned(&Ringing { model, noise, records, expand: &expand }, &request)
+}
+
 /// A twentieth of the signals of a record, or the noise of its sensors, stated or measured, where that is more; `scales` are the factors by
 /// which the channels were too large before they were put right.
 fn tolerance(case: &Case<'_>, record: &Record, scales: &Scales) -> Noise {
@@ -85,18 +95,28 @@ fn loudness(record: &Record, noise: Noise) -> f64 {
     (of(record.tau(), noise.torque) + of(record.gyro(), noise.gyro)) / (record.joints() + 3) as f64
 }
 
-/// Adapts what is estimated, and biases; with the state at the first sample when `initial_state`. `None` where the record cannot be predicted.
-pub(super) fn quick_fit(case: &Case<'_>, record: &Record, scales: &Scales, initial_state: bool) -> Option<QuickFit> {
+/// From `start` under the prior about the values of the mission, what is estimated, and biases; with the state at the first sample when
+/// `initial_state`. `None` where the record cannot be predicted.
+pub(super) fn quick_fit(
+    case: &Case<'_>,
+    record: &Record,
+    scales: &Scales,
+    start: &[f64],
+    initial_state: bool,
+) -> Option<QuickFit> {
     let noise = tolerance(case, record, scales);
     let mut fit = output_error(case, record, noise, (true, initial_state))?;
     let (decls, nominal) = (case.model.param_decls(), Params::nominal(case.model));
     let request = Request {
         prior_width: (!case.estimated.is_empty()).then_some(WIDTH),
         coarse: false,
+        centre: Some(nominal.values()),
         settings: Solver { max_iterations: ITERATIONS, decrement_tolerance: SHOWN, ..Solver::default() },
-        ..Request::new(&decls, case.estimated, nominal.values())
+        ..Request::new(&decls, case.estimated, start)
     };
-    let found = attempt(&request, &mut fit).ok()?;
+    let mut found = attempt(&request, &mut fit).ok()?;
+    // What is told of a fit is how far it is from the mission.
+    found.parameters.iter_mut().zip(case.estimated).for_each(|(e, &i)| e.start = nominal.values()[i]);
     found.chi2_per_dof.is_finite().then_some(QuickFit {
         misfit: found.chi2_per_dof,
         loudness: loudness(record, noise),

@@ -2,7 +2,7 @@
 //!
 //! Asked where no unit, axis or sign explains what a quick fit leaves. With `m` the measured and `p` the predicted rates, both without their
 //! means, the turn is the rotation `R` that minimises `sum |m - R p|^2` (Kabsch, Acta Cryst. A32, 1976, 922; by the singular values of
-//! `sum m p^T`), a gain is `sum m p / sum p^2`. The prediction is first that of the mission's values, then that of a quick fit of the record with
+//! `sum m p^T`), a gain is `sum m p / sum p^2`. The prediction is first that of the start, then that of a quick fit of the record with
 //! the number put right, in turn.
 
 use super::case::{Case, Scales};
@@ -10,7 +10,6 @@ use super::mismatch::{Output, put_right};
 use super::motion_error::MotionError;
 use super::prediction::Prediction;
 use super::quick_fit::{FOLLOWS, QuickFit, quick_fit};
-use ff_model::Params;
 use ff_records::Record;
 use nalgebra::{DMatrix, DMatrixView, Matrix3, Rotation3};
 
@@ -24,9 +23,9 @@ const SETTLED: f64 = 0.02;
 const UNEXPLAINED: f64 = 0.25;
 
 /// What of these explains the record: the quick fit with it put right, that with the least misfit first.
-pub(super) fn found(case: &Case<'_>, thin: &Record, before: f64) -> Vec<(QuickFit, Output)> {
+pub(super) fn found(case: &Case<'_>, thin: &Record, start: &[f64], before: f64) -> Vec<(QuickFit, Output)> {
     let mut out: Vec<(QuickFit, Output)> =
-        [turn, gyro_gain, torque_gain].into_iter().filter_map(|of| followed(case, thin, of)).collect();
+        [turn, gyro_gain, torque_gain].into_iter().filter_map(|of| followed(case, thin, start, of)).collect();
     out.retain(|(fit, o)| is_large(o) && fit.misfit < FOLLOWS && fit.misfit < UNEXPLAINED * before);
     out.sort_by(|a, b| a.0.misfit.total_cmp(&b.0.misfit));
     out
@@ -36,9 +35,10 @@ pub(super) fn found(case: &Case<'_>, thin: &Record, before: f64) -> Vec<(QuickFi
 fn followed(
     case: &Case<'_>,
     thin: &Record,
+    start: &[f64],
     number: fn(&Prediction, usize) -> Option<Output>,
 ) -> Option<(QuickFit, Output)> {
-    let mut values = Params::nominal(case.model).values().to_vec();
+    let mut values = start.to_vec();
     let mut best: Option<(QuickFit, Output)> = None;
     for _ in 0..ROUNDS {
         let Some(error) = Prediction::coarse_at(case, thin, &values).and_then(|p| number(&p, thin.joints())) else {
@@ -46,7 +46,7 @@ fn followed(
         };
         let record = put_right(thin, std::slice::from_ref(&error));
         let scales = Scales::of(case, MotionError::None, std::slice::from_ref(&error));
-        let Some(fit) = quick_fit(case, &record, &scales, false) else { break };
+        let Some(fit) = quick_fit(case, &record, &scales, start, false) else { break };
         let left = best.as_ref().map_or(f64::INFINITY, |b| b.0.misfit);
         values.clone_from(&fit.values);
         let settled = fit.misfit > (1.0 - SETTLED) * left;

@@ -69,7 +69,7 @@ pub(crate) mod record_estimator;
 mod refit;
 pub(crate) mod report;
 pub(crate) mod result;
-mod ringing;
+pub(in crate::workflow) mod ringing;
 mod row_layout;
 pub(crate) mod run;
 pub(crate) mod sampled;

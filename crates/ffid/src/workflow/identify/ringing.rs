@@ -5,15 +5,15 @@
 //! ([`ident::checks::resolved_decay`]). Whose they are is not known then: each appendage in turn has all of its springs changed in proportion, so
 //! that the slowest of its modes has that frequency, and its dampers likewise; the record says which is best.
 
-use super::elsewhere::Subject;
 use super::ends::{is_spring, owner};
 use super::record_estimator::sigmas;
 use ff_dynamics::analysis::{Boundary, Mode, modes, stiffness_damping};
 use ff_model::{Model, Params};
-use ident::Request;
+use ff_records::Record;
 use ident::checks::resolved_decay;
 use ident::modal::Stray;
 use ident::parameters::is_damping;
+use ident::{Noise, Request};
 use nalgebra::DVector;
 
 /// Relative deviation of a measured frequency up to which it is a line.
@@ -28,6 +28,15 @@ const THERE: f64 = 1e-3;
 /// Most by which dampers are changed in a step.
 const DAMPED: f64 = 30.0;
 
+/// What rings.
+pub(in crate::workflow) struct Ringing<'a> {
+    pub(in crate::workflow) model: &'a Model,
+    pub(in crate::workflow) noise: &'a Noise,
+    pub(in crate::workflow) records: Vec<&'a Record>,
+    /// All parameters of the model from those of a request; `None` where they make none.
+    pub(in crate::workflow) expand: &'a dyn Fn(&[f64]) -> Option<Vec<f64>>,
+}
+
 /// A line of a free decay.
 struct Line {
     pose: Vec<f64>,
@@ -36,7 +45,7 @@ struct Line {
 }
 
 /// Starts at which an appendage rings as the records do while the joints stand still; none where nothing does. Allocates.
-pub(super) fn tuned(of: &Subject<'_>, request: &Request<'_>) -> Vec<Vec<f64>> {
+pub(in crate::workflow) fn tuned(of: &Ringing<'_>, request: &Request<'_>) -> Vec<Vec<f64>> {
     let springs = request.selected.iter().copied().filter(|&i| is_spring(request, i));
     let mut owners: Vec<&str> = springs.filter_map(|i| owner(&request.decls[i].name)).collect();
     owners.dedup();
@@ -45,14 +54,14 @@ pub(super) fn tuned(of: &Subject<'_>, request: &Request<'_>) -> Vec<Vec<f64>> {
 }
 
 /// Lines of the free decays, those of the longest record first.
-fn lines(of: &Subject<'_>, start: &[f64]) -> Vec<Line> {
-    let Ok(full) = of.unknowns.expand(start) else { return Vec::new() };
-    let sigma = sigmas(of.model, &of.settings.noise);
+fn lines(of: &Ringing<'_>, start: &[f64]) -> Vec<Line> {
+    let Some(full) = (of.expand)(start) else { return Vec::new() };
+    let sigma = sigmas(of.model, of.noise);
     let mut out: Vec<Line> = Vec::new();
-    let mut records: Vec<_> = of.records.iter().collect();
-    records.sort_by(|a, b| b.record.seconds().total_cmp(&a.record.seconds()));
-    for t in records {
-        let Ok(even) = t.record.bridged() else { continue };
+    let mut records = of.records.clone();
+    records.sort_by(|a, b| b.seconds().total_cmp(&a.seconds()));
+    for record in records {
+        let Ok(even) = record.bridged() else { continue };
         let Ok(found) = resolved_decay(of.model, &full, &even, &sigma) else { continue };
         let middle = usize::midpoint(found.samples.0, found.samples.1);
         for (i, m) in found.fit.modes.iter().enumerate() {
@@ -74,14 +83,14 @@ fn lines(of: &Subject<'_>, start: &[f64]) -> Vec<Line> {
 
 /// The start with the springs and dampers of an appendage changed in proportion, so that the slowest of its modes is the line; `None` where it
 /// has none.
-fn one(of: &Subject<'_>, request: &Request<'_>, owner_name: &str, line: &Line) -> Option<Vec<f64>> {
+fn one(of: &Ringing<'_>, request: &Request<'_>, owner_name: &str, line: &Line) -> Option<Vec<f64>> {
     let mine = |i: &usize| owner(&request.decls[*i].name) == Some(owner_name);
     let springs: Vec<usize> = request.selected.iter().copied().filter(|i| mine(i) && is_spring(request, *i)).collect();
     let is_damper = |i: &usize| mine(i) && is_damping(&request.decls[*i]);
     let dampers: Vec<usize> = request.selected.iter().copied().filter(is_damper).collect();
     let mut start = request.start.to_vec();
     for _ in 0..STEPS {
-        let params = Params::from_values(of.model, of.unknowns.expand(&start).ok()?);
+        let params = Params::from_values(of.model, (of.expand)(&start)?);
         let mode = slowest(of.model, &params, owner_name, &line.pose)?;
         let ratio = line.frequency_hz / mode.frequency_hz;
         springs.iter().for_each(|&i| start[i] *= ratio.powi(2));

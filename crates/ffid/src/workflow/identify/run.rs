@@ -28,7 +28,7 @@ use super::refit::Contradicted;
 use super::report::Report;
 use super::result::fit::{Ended as EndOfFit, Method};
 use super::result::provenance::Provenance;
-use super::ringing;
+use super::ringing::{self, Ringing};
 use super::settings::{Settings, check, method};
 use super::signals::Signals;
 use super::suspects::{Found, Suspects, leads_nowhere};
@@ -400,7 +400,10 @@ fn solve(
     let (unknowns, s) = (of.unknowns, of.settings);
     let mut ending = if options.more_starts == 0 {
         let quick = Request { give_up: Some(WIDE), ..request.clone() };
-        let tuned = || ringing::tuned(of, request);
+        let expand = |values: &[f64]| unknowns.expand(values).ok();
+        let (model, noise) = (of.model, &s.noise);
+        let records = || of.records.iter().map(|t| &t.record).collect();
+        let tuned = || ringing::tuned(&Ringing { model, noise, records: records(), expand: &expand }, request);
         let mut best = match begun {
             Some(before) => {
                 let on = Request { start: &before.values, centre: Some(request.start), coarse: false, ..quick.clone() };
