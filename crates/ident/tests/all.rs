@@ -16,6 +16,7 @@ mod ground;
 mod identifiability;
 mod initial_guess;
 mod joint_motion;
+mod kinks;
 mod knot_spectrum;
 mod masked;
 mod modal_estimate;

@@ -79,7 +79,7 @@ pub fn estimate_clocks(
     max_offset: f64,
 ) -> Result<Clocks, ClockError> {
     record.check_uniform("the comparison of clocks").map_err(SetupError::from)?;
-    let mut tables = Tables::new(model, record, 2, None, false)?;
+    let mut tables = Tables::new(model, record, 2, None, (false, false))?;
     let mut z0 = vec![0.0; 6];
     z0.extend(model.rest_position(params));
     z0.resize(6 + 2 * model.np(), 0.0);

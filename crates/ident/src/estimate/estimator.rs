@@ -91,7 +91,7 @@ pub trait Estimator {
     fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
         at.iter().zip(r).map(|(&(full, extra), r)| self.residuals(full, extra, r)).collect()
     }
-    /// Rows among them that are zero whatever the unknowns are, and are no data: torques of joints next to rest. None unless overridden.
+    /// Rows among them that are zero whatever the unknowns are, and are no data: torques of joints next to rest, and readings near kinks of the motion. None unless overridden.
     fn left_out(&self) -> usize {
         0
     }

@@ -32,7 +32,7 @@ fn moving(
     near_rest: &[Option<NearRest>],
     noise: &Noise,
 ) -> Result<SensorErrors, SetupError> {
-    let tables = Tables::new(model, record, 1, Some((noise, &[])), false)?;
+    let tables = Tables::new(model, record, 1, Some((noise, &[])), (false, false))?;
     let of = terms.iter().map(|&(j, term)| ErrorSource::Joint(j, term)).collect();
     Ok(SensorErrors::new(of, near_rest, record, tables.moving().0))
 }

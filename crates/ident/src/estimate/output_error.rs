@@ -15,6 +15,7 @@ use crate::estimate::remembered::Remembered;
 use crate::estimate::request::FINEST;
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use crate::estimate::setup::{SetupError, check_noise};
+use crate::motion::joint_motion::MotionNoise;
 use crate::motion::late_encoder::LateEncoder;
 use crate::motion::tables::{Displaced, KEPT, Table, Tables};
 use crate::uncertain::oscillator::{self, Oscillator};
@@ -112,7 +113,9 @@ impl<'a> OutputError<'a> {
     pub fn new(model: &'a Model, record: &'a Record, options: &Options) -> Result<Self, SetupError> {
         check_noise(&options.noise)?;
         let weighed = (&options.noise, &options.reflected_inertia[..]);
-        let tables = Tables::new(model, record, options.substeps.max(1), Some(weighed), !options.initial_state)?;
+        // Shapes are compared without looking for kinks.
+        let how = (!options.initial_state, !options.all_alike);
+        let tables = Tables::new(model, record, options.substeps.max(1), Some(weighed), how)?;
         Self::with_tables(model, Cow::Borrowed(record), options, tables, 1)
     }
     /// Of the same record and motion with other options; noise and steps stay, and so do the terms and gains of joints, which belong to what
@@ -170,6 +173,12 @@ impl<'a> OutputError<'a> {
         let OutputRows { model, record, options, .. } = &self.rows;
         let options = Options { substeps: substeps.max(1), ..options.clone() };
         Self::with_tables(model, record.clone(), &options, self.tables.thinned(1, options.substeps), 1)
+    }
+    /// Kinks of the fitted motion, and readings of torques and gyro, of all, that do not count because these leave them open.
+    pub fn kinks(&self) -> (usize, usize, usize) {
+        let kinks = self.tables.noise.as_ref().map_or(0, MotionNoise::kinks);
+        let untold = if kinks > 0 { self.rows.not_counted.iter().map(Vec::len).sum() } else { 0 };
+        (kinks, untold, self.rows.count())
     }
     /// Integration steps per sample.
     pub fn steps(&self) -> usize {
@@ -436,7 +445,7 @@ impl Estimator for OutputError<'_> {
         self.rows.count()
     }
     fn left_out(&self) -> usize {
-        self.rows.at_rest.len()
+        self.rows.not_counted.iter().map(Vec::len).sum()
     }
     fn nuisance(&self) -> Vec<Unknown> {
         self.rows.nuisance()

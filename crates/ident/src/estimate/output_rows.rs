@@ -96,8 +96,9 @@ pub(crate) struct OutputRows<'a> {
     pub(crate) initial: Vec<usize>,
     /// Readings of torques and gyro next to the ends of the motion, where its noise is larger than theirs, and what they count for.
     pub(crate) loose: [Vec<(usize, f64)>; 2],
-    /// Torque samples of joints next to rest, which do not count: sample and joint, ascending.
-    pub(crate) at_rest: Vec<(usize, usize)>,
+    /// Readings of torques and gyro that do not count, sample and channel, ascending: torques of joints next to rest, and all where kinks of the motion
+    /// leave them open.
+    pub(crate) not_counted: [Vec<(usize, usize)>; 2],
     /// One over the standard deviation of every channel of torques and gyro.
     pub(crate) inverse: [Vec<f64>; 2],
 }
@@ -115,7 +116,7 @@ impl<'a> OutputRows<'a> {
         let of_motion = |e: &ErrorSource| e.acts_on() == ActsOn::Motion;
         let (disturbing, of_sensors) = options.errors.iter().partition(|e| of_motion(e));
         let errors = SensorErrors::new(of_sensors, &options.near_rest, &record, motion);
-        let at_rest = errors.at_rest();
+        let mut not_counted = [errors.at_rest(), Vec::new()];
         let of_channel = |j: usize| options.channel_noise.get(j).copied().unwrap_or(options.noise.torque).recip();
         let inverse = [(0..model.nj()).map(of_channel).collect(), vec![1.0 / options.noise.gyro; 3]];
         let grid = (record.samples(), record.dt());
@@ -125,6 +126,15 @@ impl<'a> OutputRows<'a> {
             let of = |e: &LooseEnds| (0..count).map(|i| (i, e.weight(time(i)))).filter(|w| w.1 < 1.0).collect();
             ends.filter(|_| !options.all_alike).map_or_else(Vec::new, of)
         });
+        for (g, of) in not_counted.iter_mut().enumerate() {
+            let Some(ends) = ends.filter(|_| !options.all_alike) else { continue };
+            let (count, channels) = ([record.tau(), record.gyro()][g].nrows(), [model.nj(), 3][g]);
+            let time = |i: usize| times[g].as_ref().map_or(i as f64 * grid.1, |t| t[i]);
+            let untold = (0..count).filter(|&i| ends.is_untold(time(i)));
+            of.extend(untold.flat_map(|i| (0..channels).map(move |c| (i, c))));
+            of.sort_unstable();
+            of.dedup();
+        }
         Self {
             model,
             record,
@@ -138,7 +148,7 @@ impl<'a> OutputRows<'a> {
             kinematics,
             initial,
             loose,
-            at_rest,
+            not_counted,
             inverse,
         }
     }
@@ -387,8 +397,7 @@ impl<'a> OutputRows<'a> {
         }
         self.weigh(of, |row, weight| r[row] *= weight);
     }
-    /// Passes on the rows among those of the readings `of` that count for less than one, and for how much; those of joints next to rest
-    /// for nothing.
+    /// Passes on the rows among those of the readings `of` that count for less than one, and for how much.
     fn weigh(&self, of: &Readings, mut each: impl FnMut(usize, f64)) {
         for group in 0..2 {
             let (first, stride) = self.place(of, group);
@@ -397,10 +406,12 @@ impl<'a> OutputRows<'a> {
                 (row..row + self.channels()[group]).for_each(|row| each(row, weight));
             }
         }
-        let (first, stride) = self.place(of, 0);
-        let from = self.at_rest.partition_point(|w| w.0 < of[0].start);
-        for &(i, joint) in self.at_rest[from..].iter().take_while(|w| w.0 < of[0].end) {
-            each(first + (i - of[0].start) * stride + joint, 0.0);
+        for (group, all) in self.not_counted.iter().enumerate() {
+            let (first, stride) = self.place(of, group);
+            let from = all.partition_point(|w| w.0 < of[group].start);
+            for &(i, channel) in all[from..].iter().take_while(|w| w.0 < of[group].end) {
+                each(first + (i - of[group].start) * stride + channel, 0.0);
+            }
         }
     }
     /// What error-free sensors would read, readings x channels; `None` where that is the prediction and is read as it is.

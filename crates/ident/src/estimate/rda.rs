@@ -88,7 +88,7 @@ impl<'a> Rda<'a> {
             }
             None => None,
         };
-        let tables = Tables::new(model, record, 1, Some((noise, &[])), true)?;
+        let tables = Tables::new(model, record, 1, Some((noise, &[])), (true, false))?;
         Ok(Self { model, record, sigma: noise.torque, tables, rates, by })
     }
     /// Samples of the grid that readings need.

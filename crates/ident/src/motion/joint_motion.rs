@@ -1,11 +1,11 @@
 //! Joint motion of a record as a smooth function of time, with consistent rates and accelerations.
 
 use crate::estimate::setup::SetupError;
+use crate::motion::kink::{FittedMotion, Kink, untold};
 use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
 use crate::motion::loose_ends::LooseEnds;
-use crate::motion::spline_fit::{JointSamples, choose_knots, fit_motion, fit_motion_from_rest, noise_of};
+use crate::motion::spline_fit::{FitError, JointSamples, choose_knots, fit_with_kinks, noise_of};
 use crate::motion::stamped_motion::StampedHermite;
-use ff_dynamics::motion::bspline::BSplineMotion;
 use ff_dynamics::motion::{HermiteTable, JointMotion};
 use ff_model::Model;
 use ff_records::Record;
@@ -55,11 +55,13 @@ pub(crate) fn motion_of(
     };
     let (spacing, from_rest) = (fit.fit.spacing, fit.fit.from_rest);
     let worth = weights.iter().zip(&fit.noise).map(|(w, s)| (w * s).powi(2)).sum();
-    let ends = LooseEnds::new(&times(record), spacing, from_rest, worth);
+    let untold = untold(&fit.fit.motion, &weights, fit.dt);
+    let ends = LooseEnds::new(&times(record), spacing, from_rest, worth).with_untold(untold);
     let noise = MotionNoise {
         spacing,
         positions: fit.noise,
         steps: fit.steps,
+        kinks: fit.fit.motion.kinks().map(|k| k.0).collect(),
         motion: Arc::new(fit.fit.motion.clone()),
         from_rest,
         ends,
@@ -77,19 +79,26 @@ pub(crate) struct MotionNoise {
     /// Steps in which they are read (rad or m); 0 for none.
     steps: Vec<f64>,
     /// The motion that was fitted.
-    motion: Arc<BSplineMotion>,
+    motion: Arc<FittedMotion>,
     /// The motion was held at rest at the first sample: a spline that is free there begins with a rate of noise that lasts all the record.
     from_rest: bool,
+    /// Kinks of the motion.
+    kinks: Vec<Kink>,
     /// What it adds to the torques next to the ends.
     pub(crate) ends: LooseEnds,
 }
 
 impl MotionNoise {
+    /// How many kinks the motion has.
+    pub(crate) fn kinks(&self) -> usize {
+        self.kinks.len()
+    }
     /// Splines with the same knots through noise alone, at the sample times of the positions: what a fitted motion is off by, without
     /// what recorded rates add. Positions that are read in steps err by what the steps leave of the motion, shifted by a part of a step:
-    /// where a joint is slow that is a saw, and no white noise. Draws are those of a seed that belongs to their number. Allocates.
+    /// where a joint is slow that is a saw, and no white noise. Sizes and times of kinks are off by what noise makes of them. Draws are those of a seed that belongs to their number. Allocates.
     pub(crate) fn draws(&self, record: &Record, count: usize) -> Result<Vec<Arc<dyn JointMotion>>, SetupError> {
         let (times, n) = (times(record), self.positions.len());
+        let moved: Vec<Kink> = self.kinks.iter().map(|k| Kink { order: k.order - 1, ..*k }).collect();
         let one = |k: usize| {
             let mut rng = ChaCha8Rng::seed_from_u64(k as u64);
             let shift: Vec<f64> = self.steps.iter().map(|step| step * rng.random::<f64>()).collect();
@@ -102,8 +111,10 @@ impl MotionNoise {
                 }
             }
             let samples = JointSamples { dof: n, times: &times, q: &q, qd: None, rate_weight: 0.0 };
-            let fit = if self.from_rest { fit_motion_from_rest } else { fit_motion };
-            let fit = fit(&samples, self.spacing).map_err(|e| SetupError::JointMotion(e.to_string()))?;
+            let fit = |kinks: &[Kink]| fit_with_kinks(&samples, self.spacing, kinks, self.from_rest);
+            // Times that are not told beside the others stay.
+            let fit = fit(&[&self.kinks[..], &moved].concat()).or_else(|_| fit(&self.kinks));
+            let fit = fit.map_err(|e| SetupError::JointMotion(e.to_string()))?;
             Ok(Arc::new(fit.motion) as Arc<dyn JointMotion>)
         };
         (0..count).map(one).collect()
@@ -182,8 +193,13 @@ pub fn motion_at_stake(record: &Record, stake: &Stake, from_rest: bool) -> Resul
 /// The fit, held at rest at the first sample if it may start there and is asked to.
 fn settled(mut fit: SpectralFit, samples: &JointSamples<'_>, from_rest: bool) -> Result<SpectralFit, SetupError> {
     if from_rest && fit.fit.may_start_at_rest(&fit.noise) {
-        let held = fit_motion_from_rest(samples, fit.fit.spacing);
-        fit.fit = held.map_err(|e| SetupError::JointMotion(e.to_string()))?;
+        let kinks: Vec<Kink> = fit.fit.motion.kinks().map(|k| k.0).collect();
+        match fit_with_kinks(samples, fit.fit.spacing, &kinks, true) {
+            Ok(held) => fit.fit = held,
+            // A kink that is not told from a rate there.
+            Err(FitError::Undetermined { .. }) if !kinks.is_empty() => {}
+            Err(e) => return Err(SetupError::JointMotion(e.to_string())),
+        }
     }
     Ok(fit)
 }
@@ -218,6 +234,7 @@ mod tests {
             steps: vec![step],
             motion: Arc::new(fit.motion),
             from_rest: false,
+            kinks: Vec::new(),
             ends: LooseEnds::default(),
         }
     }

@@ -137,12 +137,17 @@ fn bounded(candidates: &[Candidate], seen: &[f64]) -> Vec<f64> {
     all
 }
 
-/// The candidate, from number `follow` on, with the smallest `4 B^2 + max(V, free)`: noise up to `free` costs nothing, and the finest of equals
-/// is taken. Without noise that is free no sensor judges, and biases count as far as they are seen.
-pub(crate) fn best(candidates: &[Candidate], seen: &[f64], follow: usize, free: f64) -> usize {
+/// `4 B^2 + max(V, free)` of every candidate: noise up to `free` costs nothing. Without noise that is free no sensor judges, and biases count as far
+/// as they are seen.
+pub(crate) fn cost(candidates: &[Candidate], seen: &[f64], free: f64) -> Vec<f64> {
     let biases = if free > 0.0 { bounded(candidates, seen) } else { seen.to_vec() };
-    let cost = |i: usize| BIAS_COUNTS * biases[i] + candidates[i].variance.max(free);
-    (follow..candidates.len()).fold(follow, |best, i| if cost(i) <= cost(best) { i } else { best })
+    candidates.iter().zip(biases).map(|(c, b)| BIAS_COUNTS * b + c.variance.max(free)).collect()
+}
+
+/// The candidate, from number `follow` on, with the smallest cost; the finest of equals is taken.
+pub(crate) fn best(candidates: &[Candidate], seen: &[f64], follow: usize, free: f64) -> usize {
+    let cost = cost(candidates, seen, free);
+    (follow..candidates.len()).fold(follow, |best, i| if cost[i] <= cost[best] { i } else { best })
 }
 
 #[cfg(test)]
@@ -165,7 +170,7 @@ mod tests {
         let rate_weight = rates.unwrap_or(1.0);
         let s = JointSamples { dof: 1, times: &times, q: &q, qd: rates.map(|_| &qd[..]), rate_weight };
         let fit = fit_motion(&s, 0.16).unwrap();
-        let stake = Stake { weights: vec![1.0], rates: vec![1.0], free: 0.0 };
+        let stake = Stake { weights: vec![1.0], rates: vec![1.0], free: 0.0, kinks: false };
         let c = Candidate::new(fit, &times, 0.0, &stake);
         let inner = &c.worth[400..2 * (N - 200)];
         let of = |k: usize| inner.iter().skip(k).step_by(2).map(|a| a * a).sum::<f64>() / (inner.len() / 2) as f64;

@@ -10,8 +10,12 @@
 //! degree 7 needs some four knots per period there ([`KNOTS_PER_PERIOD`]), and no more. [`crate::motion::spline_fit::choose_knots`] knows no
 //! such end and, told too little noise, follows what there is down to 2.5 samples.
 
-use crate::motion::knot_risk::{Candidate, JUDGED, best, biases, quantum, variance_of};
-use crate::motion::spline_fit::{FitError, JointSamples, MotionFit, fit_motion, fit_of_degree, is_even, noise_of};
+use crate::motion::kink::Kink;
+use crate::motion::kink_search::{Search, usual_noise};
+use crate::motion::knot_risk::{Candidate, JUDGED, best, biases, cost, quantum, variance_of};
+use crate::motion::spline_fit::{
+    DEGREE, FitError, JointSamples, MotionFit, fit_of_degree, fit_with_kinks, is_even, noise_of,
+};
 use ff_records::ChannelGroup;
 use ff_records::time_base::{TimeBaseError, on_grid_across};
 use ff_spectral::Welch;
@@ -87,12 +91,14 @@ pub struct Stake {
     pub rates: Vec<f64>,
     /// Sum over joints of the squared weights times variances of acceleration and rate that may pass.
     pub free: f64,
+    /// Whether kinks of the motion are looked for ([`crate::motion::Kink`]).
+    pub kinks: bool,
 }
 
 impl Stake {
     /// Accelerations of `joints` joints count alike, rates nothing, and no noise is free.
     pub(crate) fn alike(joints: usize) -> Self {
-        Self { weights: vec![1.0; joints], rates: Vec::new(), free: 0.0 }
+        Self { weights: vec![1.0; joints], rates: Vec::new(), free: 0.0, kinks: false }
     }
 }
 
@@ -119,7 +125,8 @@ pub fn fit_by_spectrum(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Res
     fit_at_stake(samples, noise, &Stake::alike(samples.dof))
 }
 
-/// [`fit_by_spectrum`] with what accelerations are worth. Allocates.
+/// [`fit_by_spectrum`] with what accelerations are worth. Where the acceleration of a joint jumps or bends ([`Kink`]) and knots may be wider with that
+/// in the spline, it is. Allocates.
 ///
 /// # Errors
 /// As [`fit_by_spectrum`].
@@ -128,8 +135,8 @@ pub fn fit_at_stake(
     noise: Option<&[f64]>,
     stake: &Stake,
 ) -> Result<SpectralFit, KnotError> {
-    let estimated = noise_of(samples)?;
     let (n, m) = (samples.dof, samples.times.len());
+    let estimated = noise_of(samples)?;
     if m < 64 {
         return Err(FitError::Length { what: "samples", got: m, expected: 64 }.into());
     }
@@ -143,8 +150,94 @@ pub fn fit_at_stake(
     let steps: Vec<f64> =
         (0..n).map(|j| quantum(samples.q.iter().skip(j).step_by(n).copied()).unwrap_or(0.0)).collect();
     // Where a joint rests its readings repeat, and differences see less than the steps.
-    let stepped = |j: usize| estimated[j].max(steps[j] / 12f64.sqrt());
-    let noise: Vec<f64> = noise.map_or_else(|| (0..n).map(stepped).collect(), <[f64]>::to_vec);
+    let stepped =
+        |x: &[f64]| -> Vec<f64> { x.iter().zip(&steps).map(|(s, step)| s.max(step / 12f64.sqrt())).collect() };
+    let level = noise.map_or_else(|| stepped(&estimated), <[f64]>::to_vec);
+    let plain = chosen(samples, level, stake)?;
+    // Jumps are noise to differences, of which half are between them.
+    let usual = noise.map_or_else(|| stepped(&usual_noise(samples, &estimated)), <[f64]>::to_vec);
+    // What fails on the way to kinks is no error: there are none then.
+    let found = Some(()).filter(|()| stake.kinks);
+    let found = found.and_then(|()| kinked(samples, &plain, (&usual, &steps), noise.is_some(), stake).ok()?);
+    let bent = found.and_then(|(chosen, kinks)| {
+        let fit = fit_with_kinks(samples, chosen.spacing, &kinks, false).ok()?;
+        Some(Chosen { candidate: fit, ..chosen })
+    });
+    let Chosen { bands, floors, noise, rho, reason, candidate: fit, .. } = bent.unwrap_or_else(|| {
+        // Where samples are too few for one more of its points, the spline that was judged stays.
+        let fit = fit_with_kinks(samples, plain.spacing, &[], false);
+        Chosen { candidate: fit.unwrap_or_else(|_| plain.candidate.clone()), ..plain }
+    });
+    let dt = samples.times[m - 1] / (m - 1) as f64;
+    Ok(SpectralFit { fit, bands, floors, noise, steps, rate_weight: rho, dt, reason })
+}
+
+/// Factors on the spacing of knots that follow the motion, at which kinks are looked for: they stand out of the noise there.
+const WIDER: [f64; 6] = [2.0, 2.8, 4.0, 5.6, 8.0, 16.0];
+/// Part of the cost of knots without kinks that those with some must stay below.
+const BETTER: f64 = 0.5;
+/// Cost over what noise may cost, up to which there is nothing to gain.
+const ENOUGH: f64 = 2.0;
+
+/// The knots of what kinks leave of the motion, and the kinks; `None` where there are none, or where knots cost as much without them.
+fn kinked(
+    samples: &JointSamples<'_>,
+    plain: &Chosen,
+    (noise, steps): (&[f64], &[f64]),
+    is_given: bool,
+    stake: &Stake,
+) -> Result<Option<(Chosen, Vec<Kink>)>, KnotError> {
+    let search = Search { samples, degree: DEGREE, noise, steps };
+    let mut best: Option<(Chosen, Vec<Kink>)> = None;
+    for ramps in [false, true] {
+        let pieces = search.pieces(WIDER[0] * plain.spacing, ramps)?;
+        if pieces.is_empty() {
+            break;
+        }
+        for wider in WIDER {
+            let spacing = wider * plain.spacing;
+            let kinks = search.kinks(spacing, &pieces)?;
+            let smooth = search.without(spacing, &kinks)?;
+            let (q, qd) = (&smooth.q[..], smooth.qd.as_deref());
+            let left = JointSamples { q, qd, ..*samples };
+            let level = if is_given {
+                noise.to_vec()
+            } else {
+                noise_of(&left)?.iter().zip(steps).map(|(s, step)| s.max(step / 12f64.sqrt())).collect()
+            };
+            let next = chosen(&left, level, stake)?;
+            let least = best.as_ref().map_or(plain.cost, |b| b.0.cost);
+            if next.cost > plain.cost {
+                break;
+            }
+            if best.is_none() || next.cost < least {
+                best = Some((next, kinks));
+            }
+        }
+        if best.as_ref().is_some_and(|b| b.0.cost < ENOUGH * stake.free) {
+            break;
+        }
+    }
+    Ok(best.filter(|b| b.0.cost < BETTER * plain.cost))
+}
+
+/// Knots, and what they were chosen by.
+struct Chosen {
+    spacing: f64,
+    /// What noise and bias cost together.
+    cost: f64,
+    bands: Vec<f64>,
+    floors: Vec<f64>,
+    noise: Vec<f64>,
+    rho: f64,
+    reason: KnotReason,
+    /// The spline that was judged.
+    candidate: MotionFit,
+}
+
+/// The knots of positions with this noise.
+fn chosen(samples: &JointSamples<'_>, noise: Vec<f64>, stake: &Stake) -> Result<Chosen, KnotError> {
+    let (n, m) = (samples.dof, samples.times.len());
     let end = samples.times[m - 1];
     let dt = end / (m - 1) as f64;
     // What the spectrum is for is where the motion ends: of samples at uneven times it is that of their interpolation, whose
@@ -208,11 +301,9 @@ pub fn fit_at_stake(
         (false, true) if densest == finest => KnotReason::AllOfTheBand,
         _ => KnotReason::AccelerationsSettled,
     };
-    let spacing = candidates[chosen].fit.spacing;
+    let cost = cost(&candidates, &biases, stake.free)[chosen];
     let candidate = candidates.swap_remove(chosen).fit;
-    // Where samples are too few for one more of its points, the spline that was judged stays.
-    let fit = fit_motion(samples, spacing).unwrap_or(candidate);
-    Ok(SpectralFit { fit, bands, floors, noise, steps, rate_weight: rho, dt, reason })
+    Ok(Chosen { spacing: candidate.spacing, cost, bands, floors, noise, rho, reason, candidate })
 }
 
 /// Longest gap that the spectrum is told across, in usual intervals. Records are cut where a gap is longer than the spacing of the knots.

@@ -9,7 +9,9 @@
 //!
 //! which at the last sample is hundreds of times that inside. It decays within a few spans, so that the spans next to an end tell it.
 
-use crate::motion::spline_fit::{Banded, DEGREE, HELD};
+use crate::motion::banded::Banded;
+use crate::motion::spline_basis::HELD;
+use crate::motion::spline_fit::DEGREE;
 use ff_dynamics::motion::bspline::Knots;
 
 /// Spans next to an end that decide its variance.
@@ -46,11 +48,13 @@ pub(super) fn end_variance(times: &[f64], spacing: f64, held: bool) -> Option<Ve
     Some(times.iter().take_while(|t| **t <= (LOOSE * spacing).min(end)).map(|t| of(*t)).collect())
 }
 
-/// Variance that noise of the motion adds to the torques next to both ends, in that of their sensors.
+/// Variance that noise of the motion adds to the torques next to both ends, in that of their sensors, and where kinks leave them open.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LooseEnds {
     /// Times (s) and variances, ascending in time.
     ends: [Vec<(f64, f64)>; 2],
+    /// Stretches of time (s) near kinks, ascending, where torques are not told.
+    untold: Vec<(f64, f64)>,
 }
 
 impl LooseEnds {
@@ -65,7 +69,24 @@ impl LooseEnds {
         };
         let mut end: Vec<(f64, f64)> = of(&backwards, false).into_iter().map(|(t, v)| (last - t, v)).collect();
         end.reverse();
-        Self { ends: [of(times, from_rest), end] }
+        Self { ends: [of(times, from_rest), end], ..Self::default() }
+    }
+    /// With stretches (s) where torques are not told. Allocates.
+    pub(super) fn with_untold(self, mut untold: Vec<(f64, f64)>) -> Self {
+        untold.sort_by(|a, b| a.0.total_cmp(&b.0));
+        untold.dedup_by(|next, kept| {
+            let meets = next.0 <= kept.1;
+            if meets {
+                kept.1 = kept.1.max(next.1);
+            }
+            meets
+        });
+        Self { untold, ..self }
+    }
+    /// Whether torques are not told at time `t` (s).
+    pub(crate) fn is_untold(&self, t: f64) -> bool {
+        let after = self.untold.partition_point(|u| u.0 <= t);
+        after > 0 && t < self.untold[after - 1].1
     }
     /// What a reading at time `t` counts for: one over the root of one and that variance.
     pub(crate) fn weight(&self, t: f64) -> f64 {

@@ -6,8 +6,9 @@
 //! uniform clamped knots of degree 7: `min sum_k |N(t_k) P - q_k|^2 / s^2 + |N'(t_k) P - qd_k|^2 / s_d^2`.
 //! The normal matrix has bandwidth 7, so its Cholesky factorisation costs `O(k)`.
 
-use ff_dynamics::motion::bspline::{BSplineError, BSplineMotion, Knots};
-use nalgebra::DMatrix;
+use crate::motion::kink::{Column, FittedMotion, Kink};
+use crate::motion::spline_basis::SplineBasis;
+use ff_dynamics::motion::bspline::BSplineError;
 use thiserror::Error;
 
 /// Degree of the fitted splines: acceleration five times continuously differentiable.
@@ -91,7 +92,7 @@ pub struct JointSamples<'a> {
 #[derive(Clone, Debug)]
 pub struct MotionFit {
     /// The motion, with consistent rates and accelerations.
-    pub motion: BSplineMotion,
+    pub motion: FittedMotion,
     /// Knot spacing used (s).
     pub spacing: f64,
     /// Residual rms of the positions per joint (rad or m), divided by the degrees of freedom left
@@ -122,7 +123,7 @@ impl MotionFit {
 /// # Errors
 /// [`FitError`] naming the argument or the time where samples are missing.
 pub fn fit_motion(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit, FitError> {
-    fit_spacing(samples, spacing, (DEGREE, false))
+    fit_with_kinks(samples, spacing, &[], false)
 }
 
 /// [`fit_motion`] with the rates at the first sample held at zero.
@@ -133,64 +134,64 @@ pub fn fit_motion(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit,
 /// # Errors
 /// As [`fit_motion`].
 pub fn fit_motion_from_rest(samples: &JointSamples<'_>, spacing: f64) -> Result<MotionFit, FitError> {
-    fit_spacing(samples, spacing, (DEGREE, true))
+    fit_with_kinks(samples, spacing, &[], true)
+}
+
+/// [`fit_motion`] by a spline that has these kinks, of sizes to be found; `from_rest` as in [`fit_motion_from_rest`]. Allocates.
+///
+/// # Errors
+/// As [`fit_motion`]; `Undetermined` at a kink that the samples do not tell from the others.
+pub fn fit_with_kinks(
+    samples: &JointSamples<'_>,
+    spacing: f64,
+    kinks: &[Kink],
+    from_rest: bool,
+) -> Result<MotionFit, FitError> {
+    fit_spacing(samples, spacing, &Shape { degree: DEGREE, from_rest, kinks })
 }
 
 /// [`fit_motion`] by a spline of another degree, up to [`DEGREE`].
 pub(super) fn fit_of_degree(samples: &JointSamples<'_>, spacing: f64, degree: usize) -> Result<MotionFit, FitError> {
-    fit_spacing(samples, spacing, (degree, false))
+    fit_spacing(samples, spacing, &Shape { degree, from_rest: false, kinks: &[] })
 }
 
-fn fit_spacing(samples: &JointSamples<'_>, spacing: f64, of: (usize, bool)) -> Result<MotionFit, FitError> {
+/// What a spline is like.
+pub(super) struct Shape<'a> {
+    pub(super) degree: usize,
+    pub(super) from_rest: bool,
+    pub(super) kinks: &'a [Kink],
+}
+
+fn fit_spacing(samples: &JointSamples<'_>, spacing: f64, of: &Shape<'_>) -> Result<MotionFit, FitError> {
     let end = check(samples)?;
     positive("knot spacing", spacing)?;
-    let spans = (end / spacing).round().clamp(1.0, samples.times.len() as f64) as usize;
-    fit_spans(samples, end, spans, of)
+    fit_spans(samples, end, spans(samples, spacing), of)
 }
 
-/// Weight of the rate at the first sample, where it is held, over that of the samples on its knots: leaves `1e-8` of it, and half the
-/// digits.
-pub(super) const HELD: f64 = 1e8;
+/// Spans of equal length, as near to `spacing` as they can be.
+pub(super) fn spans(samples: &JointSamples<'_>, spacing: f64) -> usize {
+    let count = samples.times.len();
+    (samples.times[count - 1] / spacing).round().clamp(1.0, count as f64) as usize
+}
 
-fn fit_spans(
-    samples: &JointSamples<'_>,
-    end: f64,
-    spans: usize,
-    (degree, from_rest): (usize, bool),
-) -> Result<MotionFit, FitError> {
-    let knots = Knots::uniform(degree, spans + degree, end)?;
-    let (n, k) = (samples.dof, knots.count());
-    let w2 = samples.rate_weight * samples.rate_weight;
-    let mut normal = Banded::zeros(k);
-    let mut rhs = DMatrix::zeros(n, k);
-    for (i, &t) in samples.times.iter().enumerate() {
-        let (first, [b, d]) = knots.local::<2>(t);
-        normal.add_outer(first, &b[..=degree], 1.0);
-        for a in 0..=degree {
-            for j in 0..n {
-                rhs[(j, first + a)] += b[a] * samples.q[i * n + j];
-            }
-        }
-        if let Some(qd) = samples.qd {
-            normal.add_outer(first, &d[..=degree], w2);
-            for a in 0..=degree {
-                for j in 0..n {
-                    rhs[(j, first + a)] += w2 * d[a] * qd[i * n + j];
-                }
-            }
+fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize, of: &Shape<'_>) -> Result<MotionFit, FitError> {
+    let basis = SplineBasis::new(samples, spans, of.degree, of.from_rest)?;
+    let mut control = basis.smooth(samples);
+    let n = samples.dof;
+    let mut kinks: Vec<(Column, f64)> = Vec::with_capacity(of.kinks.len());
+    for j in 0..n {
+        let own: Vec<Kink> = of.kinks.iter().filter(|k| k.joint == j).copied().collect();
+        if !own.is_empty() {
+            let bent = basis.bend(samples, j, &own, &control.row(j).transpose())?;
+            control.set_row(j, &bent.control.transpose());
+            kinks.extend(bent.columns.into_iter().zip(bent.sizes.iter().copied()));
         }
     }
-    let (first, [_, rate]) = knots.local::<2>(0.0);
-    if from_rest {
-        normal.hold(first, &rate[..=degree], HELD);
-    }
-    normal.factor().map_err(|i| FitError::Undetermined { time: knots.greville()[i] })?;
-    normal.solve(&mut rhs);
-    let mut of_rate = DMatrix::zeros(1, k);
-    (0..=degree).for_each(|a| of_rate[(0, first + a)] = rate[a]);
-    normal.solve(&mut of_rate);
-    let start_rate_variance = (0..=degree).map(|a| rate[a] * of_rate[(0, first + a)]).sum();
-    let motion = BSplineMotion::new(knots, rhs)?;
+    let (k, start_rate_variance) = (basis.knots.count(), basis.start_rate_variance());
+    let knots = basis.knots;
+    let m = samples.times.len();
+    let ramp = end / (m - 1) as f64;
+    let motion = FittedMotion::new(knots, control, kinks, ramp)?;
     let (mut res, mut rate) = (vec![0.0; n], vec![0.0; n]);
     let mut y = vec![0.0; n];
     for (i, &t) in samples.times.iter().enumerate() {
@@ -205,12 +206,12 @@ fn fit_spans(
             }
         }
     }
-    let m = samples.times.len();
     let left = if samples.qd.is_none() && m > k { m - k } else { m };
     res.iter_mut().for_each(|r| *r = (*r / left as f64).sqrt());
     rate.iter_mut().for_each(|r| *r = (*r / m as f64).sqrt());
     let rate_residual = if samples.qd.is_some() { rate } else { Vec::new() };
     let spacing = end / spans as f64;
+    let from_rest = of.from_rest;
     Ok(MotionFit { motion, spacing, residual: res, rate_residual, start_rate_variance, from_rest })
 }
 
@@ -318,7 +319,8 @@ pub fn choose_knots(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Result
     let most = (count / 2.5).floor().max(1.0);
     let mut spans = 4.0f64.min(most);
     loop {
-        let fit = fit_spans(samples, end, spans.round() as usize, (DEGREE, false))?;
+        let fit =
+            fit_spans(samples, end, spans.round() as usize, &Shape { degree: DEGREE, from_rest: false, kinks: &[] })?;
         let reached = fit.residual.iter().zip(noise).all(|(r, s)| *r <= (slack * s).max(1e-12 * largest));
         if reached || spans >= most {
             return Ok(fit);
@@ -356,74 +358,4 @@ fn check(s: &JointSamples<'_>) -> Result<f64, FitError> {
 
 fn positive(what: &'static str, value: f64) -> Result<(), FitError> {
     if value.is_finite() && value > 0.0 { Ok(()) } else { Err(FitError::Value { what, value }) }
-}
-
-/// Symmetric positive definite band matrix of half bandwidth [`DEGREE`]: row `i` holds columns
-/// `i - DEGREE ..= i` (Golub and Van Loan, *Matrix Computations*, 4th ed., algorithm 4.3.5).
-pub(super) struct Banded {
-    rows: Vec<[f64; DEGREE + 1]>,
-}
-
-impl Banded {
-    pub(super) fn zeros(n: usize) -> Self {
-        Self { rows: vec![[0.0; DEGREE + 1]; n] }
-    }
-    /// Adds `w b b^T` at rows and columns from `first`.
-    pub(super) fn add_outer(&mut self, first: usize, b: &[f64], w: f64) {
-        for i in 0..b.len() {
-            for j in 0..=i {
-                self.rows[first + i][DEGREE + j - i] += w * b[i] * b[j];
-            }
-        }
-    }
-    /// Holds `b^T x` at zero, with so much of the weight of the samples on knot `first`.
-    pub(super) fn hold(&mut self, first: usize, b: &[f64], weight: f64) {
-        let largest = b.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        self.add_outer(first, b, weight * self.rows[first][DEGREE] / (largest * largest));
-    }
-    /// Cholesky factor in place; on failure the row whose pivot vanished.
-    pub(super) fn factor(&mut self) -> Result<(), usize> {
-        for i in 0..self.rows.len() {
-            let diagonal = self.rows[i][DEGREE];
-            for j in i.saturating_sub(DEGREE)..=i {
-                let mut s = self.rows[i][DEGREE + j - i];
-                for m in i.saturating_sub(DEGREE)..j {
-                    if j - m <= DEGREE {
-                        s -= self.rows[i][DEGREE + m - i] * self.rows[j][DEGREE + m - j];
-                    }
-                }
-                if j < i {
-                    self.rows[i][DEGREE + j - i] = s / self.rows[j][DEGREE];
-                } else {
-                    // Relative to the diagonal before elimination: rank is lost, not merely small.
-                    let sound = s > 1e-13 * diagonal && s.is_finite();
-                    if !sound {
-                        return Err(i);
-                    }
-                    self.rows[i][DEGREE] = s.sqrt();
-                }
-            }
-        }
-        Ok(())
-    }
-    /// Solves for every row of `rhs` (`n x k`) in place.
-    pub(super) fn solve(&self, rhs: &mut DMatrix<f64>) {
-        let k = self.rows.len();
-        for mut x in rhs.row_iter_mut() {
-            for i in 0..k {
-                let mut s = x[i];
-                for j in i.saturating_sub(DEGREE)..i {
-                    s -= self.rows[i][DEGREE + j - i] * x[j];
-                }
-                x[i] = s / self.rows[i][DEGREE];
-            }
-            for i in (0..k).rev() {
-                let mut s = x[i];
-                for j in i + 1..(i + DEGREE + 1).min(k) {
-                    s -= self.rows[j][DEGREE + i - j] * x[j];
-                }
-                x[i] = s / self.rows[i][DEGREE];
-            }
-        }
-    }
 }

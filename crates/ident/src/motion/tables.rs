@@ -2,6 +2,7 @@
 
 use crate::estimate::setup::{Noise, SetupError};
 use crate::motion::joint_motion::{MotionNoise, motion_of};
+use crate::motion::knot_spectrum::Stake;
 use crate::motion::loose_ends::LooseEnds;
 use crate::motion::torque_sensitivity as knot_stake;
 use core::ops::Range;
@@ -62,15 +63,18 @@ struct Kept {
 
 impl Tables {
     /// With the noise of the sensors, and the reflected inertia of rotors and gears in the torques (none when empty). Without it, the knots of a fitted motion weigh all joints alike. `from_rest`: the simulation starts with
-    /// the base at rest, so that joints whose fitted rates are zero within their noise must not move either.
+    /// the base at rest, so that joints whose fitted rates are zero within their noise must not move either. With `kinks`, the motion may have some.
     pub(crate) fn new(
         model: &Model,
         record: &Record,
         substeps: usize,
         noise: Option<(&Noise, &[f64])>,
-        from_rest: bool,
+        (from_rest, kinks): (bool, bool),
     ) -> Result<Self, SetupError> {
-        let stake = || noise.and_then(|(n, reflected)| knot_stake::stake(model, record, [n.torque, n.gyro], reflected));
+        let stake = || {
+            let (n, reflected) = noise?;
+            Some(Stake { kinks, ..knot_stake::stake(model, record, [n.torque, n.gyro], reflected)? })
+        };
         let (motion, noise) = motion_of(model, record, stake, from_rest)?;
         let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };
         let (motion, disturbances) = (motion.into(), Vec::new());

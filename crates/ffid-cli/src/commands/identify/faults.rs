@@ -71,6 +71,12 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args, before: &Problems) -
             "move the joints so that these modes ring, or measure positions finer",
         );
     }
+    if let Some(w) = r.warnings.iter().find(|w| w.code == "Data::Kinks") {
+        add(
+            Problem::warning(Area::Data, "Data::Kinks", w.message.clone()),
+            "a log of the rates and accelerations that the controller commanded, or a smoother profile, keeps all readings",
+        );
+    }
     if let Some(d) = r.sampled.as_ref().filter(|d| d.state != SampledState::Converged) {
         let hint = match d.state {
             SampledState::NotDrawn => "give --reduce or a prior, or leave --sample out",

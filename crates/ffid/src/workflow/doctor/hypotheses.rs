@@ -264,12 +264,7 @@ fn nearest(case: &Case<'_>, thin: &Record, start: Vec<f64>, others: Vec<Vec<f64>
 }
 
 /// Quick fits, from `start`, of the hypotheses that are nearest to what is predicted there, and of units that only a fit can tell.
-fn fitted(
-    case: &Case<'_>,
-    thin: &Record,
-    start: &[f64],
-    mut ranked: Vec<Hypothesis>,
-) -> Vec<(QuickFit, Hypothesis)> {
+fn fitted(case: &Case<'_>, thin: &Record, start: &[f64], mut ranked: Vec<Hypothesis>) -> Vec<(QuickFit, Hypothesis)> {
     let turns = turns(case);
     let one = |h: Hypothesis| {
         let record = put_right(&h.motion.put_right(thin, &turns), &h.outputs);

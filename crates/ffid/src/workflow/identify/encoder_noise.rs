@@ -71,6 +71,20 @@ pub(super) fn allow_for_encoders(
     Ok(Some((fitted, shaken)))
 }
 
+/// Says how many kinks joint motions have, and how many readings next to them do not count; `None` where there are none.
+pub(super) fn kinked(twins: &[Twin<'_>]) -> Option<Warning> {
+    let add = |a: (usize, usize, usize), b: (usize, usize, usize)| (a.0 + b.0, a.1 + b.1, a.2 + b.2);
+    let (kinks, untold, all) = twins.iter().map(Twin::kinks).fold((0, 0, 0), add);
+    let part = 100.0 * untold as f64 / all.max(1) as f64;
+    (kinks > 0).then(|| Warning {
+        code: "Data::Kinks".to_owned(),
+        message: format!(
+            "accelerations of the joints jump or bend at {kinks} instants, which are taken from the positions; {part:.1} % of the readings are next to one, \
+             where positions do not tell the acceleration, and do not count"
+        ),
+    })
+}
+
 /// Says whose deviations have become wider.
 pub(super) fn said(shaken: &[Shaken]) -> Warning {
     let one = |s: &Shaken| format!("{} ({:.1} times as wide)", s.name, s.wider);

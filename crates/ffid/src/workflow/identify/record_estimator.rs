@@ -156,6 +156,10 @@ impl<'a> Twin<'a> {
     pub(super) fn record(&self) -> &'a Record {
         self.record.1
     }
+    /// Kinks of its motion, and what they leave open ([`OutputError::kinks`]).
+    pub(super) fn kinks(&self) -> (usize, usize, usize) {
+        self.of.as_ref().map_or((0, 0, 0), OutputError::kinks)
+    }
     /// Output error of the same record with other options, for columns that need not be exact ([`OutputError::survey`]); for the rigid
     /// method, whose torques are predicted from the gyro, made anew.
     pub(super) fn survey(&self, options: &Options, full: &[f64]) -> Result<OutputError<'a>, SetupError> {

@@ -7,7 +7,7 @@ use super::consider::{self, Side};
 use super::course::Course;
 use super::drives;
 use super::elsewhere::{Subject, elsewhere};
-use super::encoder_noise::{allow_for_encoders, said};
+use super::encoder_noise::{allow_for_encoders, kinked, said};
 use super::ends::{WIDE, explains, from_the_start, gone_on, has_springs};
 use super::error::IdentifyError;
 use super::evidence::State;
@@ -198,6 +198,7 @@ fn identify_from(
     if !shaken.is_empty() {
         result.warnings.push(said(&shaken));
     }
+    result.warnings.extend(kinked(&twins));
     result.silent = silent;
     result.profiles = profiles;
     result.not_allowed_for.clone_from(&setup.not_allowed_for);

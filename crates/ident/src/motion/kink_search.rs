@@ -1,0 +1,308 @@
+//! Where the acceleration of a joint jumps or bends, from its positions.
+//!
+//! A spline that the noise lets follow the motion everywhere else leaves a burst in the residuals there. With `r` the residuals of a fit and `x` the
+//! column of a kink (`crate::motion::kink`), which is orthogonal to neither, chi-squared would fall by
+//!
+//! ```text
+//! (x^T r)^2 / (s^2 |x - P x|^2),      P x: what the spline takes up of x
+//! ```
+//!
+//! the score test of its size. Those that stand out farthest are added, their times are refined by Gauss-Newton steps (the derivative
+//! of a kink by its time is a kink of one order less), and what is left is looked at again (orthogonal matching pursuit: Pati, Rezaiifar,
+//! Krishnaprasad, *Asilomar* 1993, 40). Joint after joint, and in windows, so that its time grows with the length of a record.
+
+use crate::motion::kink::{Column, Kink};
+use crate::motion::segments::Pieces;
+use crate::motion::spline_basis::{Bent, SplineBasis};
+use crate::motion::spline_fit::{FitError, JointSamples, is_even, spans};
+use core::ops::Range;
+use nalgebra::DVector;
+use std::collections::HashMap;
+
+/// Fall of chi-squared from which a kink is one: seven deviations, for each of the many places where one may be.
+const SEEN: f64 = 50.0;
+/// Part of it that one which was found must keep beside the others.
+const KEPT: f64 = 0.5;
+/// Rounds of looking, and Gauss-Newton steps in each.
+const ROUNDS: usize = 40;
+const STEPS: usize = 3;
+/// Longest Gauss-Newton step, in spans.
+const FAR: f64 = 0.25;
+/// Spans about an instant whose residuals are looked at, deviations of their sum of squares from which a kink is looked for.
+const NEAR: f64 = 1.5;
+const RESTLESS: f64 = 4.0;
+/// Part of a window near which residuals stand out of the noise, up to which kinks are looked for one by one: what is bent everywhere has no
+/// kinks, or they are known badly.
+const EVERYWHERE: f64 = 0.3;
+/// The same of a record, from which there may be kinks at all.
+const SOMEWHERE: f64 = 0.03;
+/// Spans within which one kink is taken in a round, and within which it must be no less than half of a larger one: what that leaves beside it
+/// looks like others.
+const APART: f64 = 1.5;
+const BESIDE: f64 = 6.0;
+const LESS: f64 = 0.5;
+/// Phases of the knots at which squares of columns are kept.
+const PHASES: f64 = 16.0;
+/// Steps of an encoder that residuals about a kink reach, where it reads in steps: the saw of a slow joint is none.
+const STEPPED: f64 = 2.0;
+/// Spans of a window, and of its margins, whose kinks are those of its neighbours.
+const WINDOW: usize = 120;
+const MARGIN: f64 = 12.0;
+
+/// What a search looks at.
+pub(super) struct Search<'a> {
+    pub(super) samples: &'a JointSamples<'a>,
+    pub(super) degree: usize,
+    /// Per joint, the standard deviation of its positions, and the step in which they are read.
+    pub(super) noise: &'a [f64],
+    pub(super) steps: &'a [f64],
+}
+
+/// Positions, and rates where they were read, without kinks.
+pub(super) struct Smooth {
+    pub(super) q: Vec<f64>,
+    pub(super) qd: Option<Vec<f64>>,
+}
+
+impl Search<'_> {
+    /// Where the motions of joints go over from one polynomial to another, of those joints that splines with knots `spacing` apart do not follow at some
+    /// places; `ramps` as in [`Pieces::kinks`]. Allocates.
+    pub(super) fn pieces(&self, spacing: f64, ramps: bool) -> Result<Vec<Kink>, FitError> {
+        let s = self.samples;
+        let whole = Window::new(s, spacing, self.degree)?;
+        let mut out = Vec::new();
+        for j in (0..s.dof).filter(|&j| self.noise[j] > 0.0) {
+            let sigma = self.noise[j];
+            let r = whole.basis.residuals(s, j, &whole.smooth.row(j).transpose(), core::iter::empty());
+            if whole.restless(&r, sigma).len() as f64 > SOMEWHERE * r.len() as f64 {
+                let q: Vec<f64> = s.q.iter().skip(j).step_by(s.dof).copied().collect();
+                out.extend(Pieces { times: s.times, q: &q, sigma }.kinks(j, ramps));
+            }
+        }
+        Ok(out)
+    }
+    /// The kinks that stand out of splines with knots `spacing` apart, of those that are `known` and beside them on the same joints. Allocates.
+    pub(super) fn kinks(&self, spacing: f64, known: &[Kink]) -> Result<Vec<Kink>, FitError> {
+        let s = self.samples;
+        let (n, m) = (s.dof, s.times.len());
+        let end = s.times[m - 1];
+        let windows = (spans(s, spacing) / WINDOW).max(1);
+        let length = end / windows as f64;
+        let mut out = Vec::new();
+        for w in 0..windows {
+            let core = w as f64 * length..(w + 1) as f64 * length;
+            let from = s.times.partition_point(|t| *t < core.start - MARGIN * spacing);
+            let to = s.times.partition_point(|t| *t <= core.end + MARGIN * spacing);
+            let begin = s.times[from];
+            let times: Vec<f64> = s.times[from..to].iter().map(|t| t - begin).collect();
+            let part = JointSamples { times: &times, q: &s.q[from * n..to * n], qd: None, ..*s };
+            if times.len() < self.degree + 2 {
+                continue;
+            }
+            let mut window = Window::new(&part, spacing, self.degree)?;
+            for j in (0..n).filter(|&j| self.noise[j] > 0.0 && known.iter().any(|k| k.joint == j)) {
+                let own =
+                    known.iter().filter(|k| k.joint == j && (begin..=begin + times[times.len() - 1]).contains(&k.time));
+                let own = own.map(|k| Kink { time: k.time - begin, ..*k }).collect();
+                let found = window.kinks(j, self.noise[j], self.steps[j], own)?;
+                let last = w + 1 == windows;
+                let back = found.into_iter().map(|k| Kink { time: k.time + begin, ..k });
+                out.extend(back.filter(|k| core.contains(&k.time) || last && k.time >= core.end));
+            }
+        }
+        Ok(out)
+    }
+    /// The record without these kinks, of the sizes that they have beside a spline with such knots. Allocates.
+    pub(super) fn without(&self, spacing: f64, kinks: &[Kink]) -> Result<Smooth, FitError> {
+        let s = self.samples;
+        let basis = SplineBasis::new(s, spans(s, spacing), self.degree, false)?;
+        let smooth = basis.smooth(s);
+        let mut out = Smooth { q: s.q.to_vec(), qd: s.qd.map(<[f64]>::to_vec) };
+        for j in 0..s.dof {
+            let own: Vec<Kink> = kinks.iter().filter(|k| k.joint == j).copied().collect();
+            let bent = basis.bend(s, j, &own, &smooth.row(j).transpose())?;
+            for (column, size) in bent.columns.iter().zip(bent.sizes.iter()) {
+                for i in SplineBasis::covered(s.times, column) {
+                    let t = s.times[i];
+                    let (first, rows) = basis.knots.local::<2>(t);
+                    let at = |r: usize| size * column.at(t, r, (first, &rows[r][..=self.degree]), 0.0);
+                    out.q[i * s.dof + j] -= at(0);
+                    if let Some(qd) = &mut out.qd {
+                        qd[i * s.dof + j] -= at(1);
+                    }
+                }
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// A part of a record.
+struct Window<'a> {
+    s: &'a JointSamples<'a>,
+    spacing: f64,
+    basis: SplineBasis,
+    smooth: nalgebra::DMatrix<f64>,
+    /// Squares of columns that the spline leaves, by order and phase.
+    squares: HashMap<(usize, i64), f64>,
+}
+
+/// A kink that may be one.
+struct Candidate {
+    kink: Kink,
+    fall: f64,
+}
+
+impl<'a> Window<'a> {
+    fn new(s: &'a JointSamples<'a>, spacing: f64, degree: usize) -> Result<Self, FitError> {
+        let spans = spans(s, spacing);
+        let basis = SplineBasis::new(s, spans, degree, false)?;
+        let smooth = basis.smooth(s);
+        let spacing = s.times[s.times.len() - 1] / spans as f64;
+        Ok(Self { s, spacing, basis, smooth, squares: HashMap::new() })
+    }
+    /// Those of joint `j`, beside those that are known.
+    fn kinks(&mut self, j: usize, sigma: f64, step: f64, known: Vec<Kink>) -> Result<Vec<Kink>, FitError> {
+        let mut kinks = known;
+        if !kinks.is_empty() {
+            self.settle(j, sigma, &mut kinks)?;
+        }
+        for _ in 0..ROUNDS {
+            let found = self.looked(j, sigma, step, &kinks)?;
+            if found.is_empty() {
+                break;
+            }
+            let before = kinks.len();
+            kinks.extend(found);
+            self.settle(j, sigma, &mut kinks)?;
+            if kinks.len() <= before {
+                break;
+            }
+        }
+        Ok(kinks)
+    }
+    fn bend(&self, j: usize, kinks: &[Kink]) -> Result<Bent, FitError> {
+        self.basis.bend(self.s, j, kinks, &self.smooth.row(j).transpose())
+    }
+    /// Samples about this one.
+    fn about(&self, i: usize) -> Range<usize> {
+        let m = self.s.times.len();
+        let half = ((NEAR * self.spacing * (m - 1) as f64 / self.s.times[m - 1]).ceil() as usize).max(2);
+        i.saturating_sub(half)..(i + half).min(m - 1) + 1
+    }
+    /// Samples about which residuals stand out of the noise.
+    fn restless(&self, r: &[f64], sigma: f64) -> Vec<usize> {
+        let m = r.len();
+        let mut sums = vec![0.0; m + 1];
+        (0..m).for_each(|i| sums[i + 1] = sums[i] + (r[i] / sigma).powi(2));
+        let is_restless = |i: &usize| {
+            let near = self.about(*i);
+            let count = near.len() as f64;
+            sums[near.end] - sums[near.start] > count + RESTLESS * (2.0 * count).sqrt()
+        };
+        (2..m.saturating_sub(2)).filter(is_restless).collect()
+    }
+    /// What stands out of the residuals, the farthest first.
+    fn looked(&mut self, j: usize, sigma: f64, step: f64, kinks: &[Kink]) -> Result<Vec<Kink>, FitError> {
+        let (s, m) = (self.s, self.s.times.len());
+        let r = if kinks.is_empty() {
+            self.basis.residuals(s, j, &self.smooth.row(j).transpose(), core::iter::empty())
+        } else {
+            let bent = self.bend(j, kinks)?;
+            let each = bent.sizes.iter().zip(&bent.columns).map(|(size, c)| (*size, self.basis.values(s.times, c)));
+            self.basis.residuals(s, j, &bent.control, each)
+        };
+        let restless = self.restless(&r, sigma);
+        if restless.len() as f64 > EVERYWHERE * m as f64 {
+            return Ok(Vec::new());
+        }
+        let mut found: Vec<Candidate> = Vec::new();
+        for i in restless {
+            if r[self.about(i)].iter().fold(0.0, |l: f64, x| l.max(x.abs())) < STEPPED * step {
+                continue;
+            }
+            for order in [2, 3] {
+                let kink = Kink { joint: j, time: 0.5 * (s.times[i] + s.times[i + 1]), order };
+                let (range, values) = self.basis.values(s.times, &Column::new(&self.basis.knots, kink));
+                let phase = (PHASES * (kink.time / self.spacing).fract()).round() as i64;
+                let left = || self.basis.squares_left(&range, &values);
+                let left = *self.squares.entry((order, phase)).or_insert_with(left);
+                let score: f64 = values.iter().zip(&r[range]).map(|(x, r)| x * r).sum();
+                let fall = score * score / (left * sigma * sigma);
+                if left > 0.0 && fall > SEEN {
+                    found.push(Candidate { kink, fall });
+                }
+            }
+        }
+        found.sort_by(|a, b| b.fall.total_cmp(&a.fall));
+        let mut taken: Vec<Candidate> = Vec::new();
+        for c in found {
+            let hidden = |t: &Candidate| {
+                let apart = (t.kink.time - c.kink.time).abs() / self.spacing;
+                apart < APART || apart < BESIDE && c.fall < LESS * t.fall
+            };
+            if !taken.iter().any(hidden) {
+                taken.push(c);
+            }
+        }
+        Ok(taken.into_iter().map(|c| c.kink).collect())
+    }
+    /// Refines the times of kinks, and takes out those that are none beside the others.
+    fn settle(&self, j: usize, sigma: f64, kinks: &mut Vec<Kink>) -> Result<(), FitError> {
+        for _ in 0..STEPS {
+            self.refine(j, kinks);
+        }
+        loop {
+            if kinks.is_empty() {
+                return Ok(());
+            }
+            let worst = match self.bend(j, kinks) {
+                Ok(bent) => {
+                    let fall = |i: usize| bent.sizes[i].powi(2) / (bent.variances[i] * sigma * sigma);
+                    let least = (0..kinks.len()).min_by(|&a, &b| fall(a).total_cmp(&fall(b)));
+                    match least.filter(|&l| fall(l) < KEPT * SEEN) {
+                        Some(l) => l,
+                        None => return Ok(()),
+                    }
+                }
+                Err(FitError::Undetermined { time }) => {
+                    let off = |i: &usize| (kinks[*i].time - time).abs();
+                    (0..kinks.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0)
+                }
+                Err(e) => return Err(e),
+            };
+            kinks.remove(worst);
+        }
+    }
+    /// One Gauss-Newton step of the times; none where they are not told.
+    fn refine(&self, j: usize, kinks: &mut [Kink]) {
+        let end = self.s.times[self.s.times.len() - 1];
+        let lower = kinks.iter().map(|k| Kink { order: k.order - 1, ..*k });
+        let both: Vec<Kink> = kinks.iter().copied().chain(lower).collect();
+        let Ok(bent) = self.bend(j, &both) else { return };
+        let count = kinks.len();
+        let steps: DVector<f64> = DVector::from_fn(count, |i, _| -bent.sizes[count + i] / bent.sizes[i]);
+        for (k, step) in kinks.iter_mut().zip(steps.iter()).filter(|(_, step)| step.is_finite()) {
+            k.time = (k.time + step.clamp(-FAR * self.spacing, FAR * self.spacing)).clamp(0.0, end);
+        }
+    }
+}
+
+/// Standard deviation of the positions of every joint by the middle one of their sixth differences, which bursts here and there do not raise; no more
+/// than the `estimated` one, which it is at uneven times. Allocates.
+pub(super) fn usual_noise(s: &JointSamples<'_>, estimated: &[f64]) -> Vec<f64> {
+    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
+    /// Middle of the absolute values of a normal distribution.
+    const MIDDLE: f64 = 0.674_49;
+    let (n, m) = (s.dof, s.times.len());
+    if is_even(s.times).is_err() || m < BINOMIAL.len() {
+        return estimated.to_vec();
+    }
+    let of = |j: usize| {
+        let difference = |i: usize| BINOMIAL.iter().enumerate().map(|(a, c)| c * s.q[(i + a) * n + j]).sum::<f64>();
+        let mut all: Vec<f64> = (0..=m - BINOMIAL.len()).map(|i| difference(i).abs()).collect();
+        let middle = all.len() / 2;
+        *all.select_nth_unstable_by(middle, f64::total_cmp).1 / (MIDDLE * 924f64.sqrt())
+    };
+    estimated.iter().enumerate().map(|(j, &e)| Some(of(j)).filter(|s| *s > 0.0).map_or(e, |s| s.min(e))).collect()
+}
