@@ -162,7 +162,7 @@ pub fn spectral_motion(record: &Record) -> Result<SpectralFit, SetupError> {
 ///
 /// Recorded rates are used when a spline can follow both: rates that are late, filtered or scaled leave more than their noise, and
 /// are then left out. With `from_rest`, rates at the first sample that are zero within their noise are held at zero
-/// ([`fit_motion_from_rest`]). Allocates.
+/// ([`fit_with_kinks`]). Allocates.
 ///
 /// # Errors
 /// As [`spectral_motion`].
