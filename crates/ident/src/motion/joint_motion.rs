@@ -4,7 +4,7 @@ use crate::estimate::setup::SetupError;
 use crate::motion::kink::{FittedMotion, Kink, untold};
 use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
 use crate::motion::loose_ends::LooseEnds;
-use crate::motion::spline_fit::{FitError, JointSamples, choose_knots, fit_with_kinks, noise_of};
+use crate::motion::spline_fit::{FitError, JointSamples, choose_knots, fit_with_kinks, movable, noise_of};
 use crate::motion::stamped_motion::StampedHermite;
 use ff_dynamics::motion::{HermiteTable, JointMotion};
 use ff_model::Model;
@@ -57,17 +57,26 @@ pub(crate) fn motion_of(
     let worth = weights.iter().zip(&fit.noise).map(|(w, s)| (w * s).powi(2)).sum();
     let untold = untold(&fit.fit.motion, &weights, fit.dt);
     let ends = LooseEnds::new(&times(record), spacing, from_rest, worth).with_untold(untold);
+    let kinks: Vec<(Kink, f64)> = fit.fit.motion.kinks().collect();
+    let (sampled, q) = (times(record), rows(record.q()));
+    let positions = JointSamples { dof: n, times: &sampled, q: &q, qd: None, rate_weight: 0.0 };
+    let moved =
+        if kinks.is_empty() { Vec::new() } else { movable(&positions, spacing, &kinks, &fit.noise, TOLD * fit.dt) };
     let noise = MotionNoise {
+        moved,
         spacing,
         positions: fit.noise,
         steps: fit.steps,
-        kinks: fit.fit.motion.kinks().map(|k| k.0).collect(),
+        kinks: kinks.iter().map(|k| k.0).collect(),
         motion: Arc::new(fit.fit.motion.clone()),
         from_rest,
         ends,
     };
     Ok((Box::new(fit.fit.motion), Some(noise)))
 }
+
+/// Part of the interval between samples to which the time of a kink must be told, for its error to be one to first order.
+const TOLD: f64 = 0.25;
 
 /// Noise that a spline through noisy positions holds.
 #[derive(Clone)]
@@ -82,8 +91,9 @@ pub(crate) struct MotionNoise {
     motion: Arc<FittedMotion>,
     /// The motion was held at rest at the first sample: a spline that is free there begins with a rate of noise that lasts all the record.
     from_rest: bool,
-    /// Kinks of the motion.
+    /// Kinks of the motion, and what errors of their times add, where these are told.
     kinks: Vec<Kink>,
+    moved: Vec<Kink>,
     /// What it adds to the torques next to the ends.
     pub(crate) ends: LooseEnds,
 }
@@ -98,7 +108,6 @@ impl MotionNoise {
     /// where a joint is slow that is a saw, and no white noise. Sizes and times of kinks are off by what noise makes of them. Draws are those of a seed that belongs to their number. Allocates.
     pub(crate) fn draws(&self, record: &Record, count: usize) -> Result<Vec<Arc<dyn JointMotion>>, SetupError> {
         let (times, n) = (times(record), self.positions.len());
-        let moved: Vec<Kink> = self.kinks.iter().map(|k| Kink { order: k.order - 1, ..*k }).collect();
         let one = |k: usize| {
             let mut rng = ChaCha8Rng::seed_from_u64(k as u64);
             let shift: Vec<f64> = self.steps.iter().map(|step| step * rng.random::<f64>()).collect();
@@ -113,7 +122,7 @@ impl MotionNoise {
             let samples = JointSamples { dof: n, times: &times, q: &q, qd: None, rate_weight: 0.0 };
             let fit = |kinks: &[Kink]| fit_with_kinks(&samples, self.spacing, kinks, self.from_rest);
             // Times that are not told beside the others stay.
-            let fit = fit(&[&self.kinks[..], &moved].concat()).or_else(|_| fit(&self.kinks));
+            let fit = fit(&[&self.kinks[..], &self.moved].concat()).or_else(|_| fit(&self.kinks));
             let fit = fit.map_err(|e| SetupError::JointMotion(e.to_string()))?;
             Ok(Arc::new(fit.motion) as Arc<dyn JointMotion>)
         };
@@ -235,6 +244,7 @@ mod tests {
             motion: Arc::new(fit.motion),
             from_rest: false,
             kinks: Vec::new(),
+            moved: Vec::new(),
             ends: LooseEnds::default(),
         }
     }

@@ -155,6 +155,29 @@ pub(super) fn fit_of_degree(samples: &JointSamples<'_>, spacing: f64, degree: us
     fit_spacing(samples, spacing, &Shape { degree, from_rest: false, kinks: &[] })
 }
 
+/// Kinks of one order less, for those of these kinks whose times (s) are told to `within` by positions with this noise (rad or m, per joint): what errors
+/// of their times add to a motion, to first order, which errors as long as the kinks are apart are not. Allocates.
+pub(super) fn movable(
+    samples: &JointSamples<'_>,
+    spacing: f64,
+    kinks: &[(Kink, f64)],
+    noise: &[f64],
+    within: f64,
+) -> Vec<Kink> {
+    let Ok(basis) = SplineBasis::new(samples, spans(samples, spacing), DEGREE, false) else { return Vec::new() };
+    let mut out = Vec::new();
+    for (j, sigma) in noise.iter().enumerate() {
+        let own: Vec<(Kink, f64)> = kinks.iter().filter(|k| k.0.joint == j).copied().collect();
+        let lower = || own.iter().map(|(k, _)| Kink { order: k.order - 1, ..*k });
+        let both: Vec<Kink> = own.iter().map(|k| k.0).chain(lower()).collect();
+        let none = nalgebra::DVector::zeros(basis.knots.count());
+        let Ok(bent) = basis.bend(samples, j, &both, &none) else { continue };
+        let told = |i: usize| sigma * bent.variances[own.len() + i].sqrt() < within * own[i].1.abs();
+        out.extend(lower().enumerate().filter(|(i, _)| told(*i)).map(|(_, k)| k));
+    }
+    out
+}
+
 /// What a spline is like.
 pub(super) struct Shape<'a> {
     pub(super) degree: usize,
