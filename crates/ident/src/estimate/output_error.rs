@@ -177,7 +177,7 @@ impl<'a> OutputError<'a> {
     /// Kinks of the fitted motion, and readings of torques and gyro, of all, that do not count because these leave them open.
     pub fn kinks(&self) -> (usize, usize, usize) {
         let kinks = self.tables.noise.as_ref().map_or(0, MotionNoise::kinks);
-        let untold = if kinks > 0 { self.rows.not_counted.iter().map(Vec::len).sum() } else { 0 };
+        let untold = if kinks > 0 { self.left_out() } else { 0 };
         (kinks, untold, self.rows.count())
     }
     /// Integration steps per sample.

@@ -120,20 +120,17 @@ impl<'a> OutputRows<'a> {
         let of_channel = |j: usize| options.channel_noise.get(j).copied().unwrap_or(options.noise.torque).recip();
         let inverse = [(0..model.nj()).map(of_channel).collect(), vec![1.0 / options.noise.gyro; 3]];
         let grid = (record.samples(), record.dt());
-        let loose = core::array::from_fn(|g: usize| {
-            let (count, own): (usize, &Option<Arc<[f64]>>) = ([record.tau(), record.gyro()][g].nrows(), &times[g]);
+        let mut loose = [Vec::new(), Vec::new()];
+        for g in 0..2 {
+            let Some(ends) = ends.filter(|_| !options.all_alike) else { break };
+            let (readings, own): (_, &Option<Arc<[f64]>>) = ([record.tau(), record.gyro()][g], &times[g]);
             let time = |i: usize| own.as_ref().map_or(i as f64 * grid.1, |t| t[i]);
-            let of = |e: &LooseEnds| (0..count).map(|i| (i, e.weight(time(i)))).filter(|w| w.1 < 1.0).collect();
-            ends.filter(|_| !options.all_alike).map_or_else(Vec::new, of)
-        });
-        for (g, of) in not_counted.iter_mut().enumerate() {
-            let Some(ends) = ends.filter(|_| !options.all_alike) else { continue };
-            let (count, channels) = ([record.tau(), record.gyro()][g].nrows(), [model.nj(), 3][g]);
-            let time = |i: usize| times[g].as_ref().map_or(i as f64 * grid.1, |t| t[i]);
+            let (count, channels) = readings.shape();
+            loose[g] = (0..count).map(|i| (i, ends.weight(time(i)))).filter(|w| w.1 < 1.0).collect();
             let untold = (0..count).filter(|&i| ends.is_untold(time(i)));
-            of.extend(untold.flat_map(|i| (0..channels).map(move |c| (i, c))));
-            of.sort_unstable();
-            of.dedup();
+            not_counted[g].extend(untold.flat_map(|i| (0..channels).map(move |c| (i, c))));
+            not_counted[g].sort_unstable();
+            not_counted[g].dedup();
         }
         Self {
             model,

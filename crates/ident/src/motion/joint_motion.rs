@@ -57,22 +57,28 @@ pub(crate) fn motion_of(
     let worth = weights.iter().zip(&fit.noise).map(|(w, s)| (w * s).powi(2)).sum();
     let untold = untold(&fit.fit.motion, &weights, fit.dt);
     let ends = LooseEnds::new(&times(record), spacing, from_rest, worth).with_untold(untold);
-    let kinks: Vec<(Kink, f64)> = fit.fit.motion.kinks().collect();
-    let (sampled, q) = (times(record), rows(record.q()));
-    let positions = JointSamples { dof: n, times: &sampled, q: &q, qd: None, rate_weight: 0.0 };
-    let moved =
-        if kinks.is_empty() { Vec::new() } else { movable(&positions, spacing, &kinks, &fit.noise, TOLD * fit.dt) };
+    let moved = moved(record, &fit);
     let noise = MotionNoise {
         moved,
         spacing,
         positions: fit.noise,
         steps: fit.steps,
-        kinks: kinks.iter().map(|k| k.0).collect(),
         motion: Arc::new(fit.fit.motion.clone()),
         from_rest,
         ends,
     };
     Ok((Box::new(fit.fit.motion), Some(noise)))
+}
+
+/// See [`movable`]; none without kinks.
+fn moved(record: &Record, fit: &SpectralFit) -> Vec<Kink> {
+    let kinks: Vec<(Kink, f64)> = fit.fit.motion.kinks().collect();
+    if kinks.is_empty() {
+        return Vec::new();
+    }
+    let (times, q) = (times(record), rows(record.q()));
+    let positions = JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 };
+    movable(&positions, fit.fit.spacing, &kinks, &fit.noise, TOLD * fit.dt)
 }
 
 /// Part of the interval between samples to which the time of a kink must be told, for its error to be one to first order.
@@ -91,8 +97,7 @@ pub(crate) struct MotionNoise {
     motion: Arc<FittedMotion>,
     /// The motion was held at rest at the first sample: a spline that is free there begins with a rate of noise that lasts all the record.
     from_rest: bool,
-    /// Kinks of the motion, and what errors of their times add, where these are told.
-    kinks: Vec<Kink>,
+    /// What errors of the times of kinks add, where these are told.
     moved: Vec<Kink>,
     /// What it adds to the torques next to the ends.
     pub(crate) ends: LooseEnds,
@@ -101,13 +106,14 @@ pub(crate) struct MotionNoise {
 impl MotionNoise {
     /// How many kinks the motion has.
     pub(crate) fn kinks(&self) -> usize {
-        self.kinks.len()
+        self.motion.kinks().count()
     }
     /// Splines with the same knots through noise alone, at the sample times of the positions: what a fitted motion is off by, without
     /// what recorded rates add. Positions that are read in steps err by what the steps leave of the motion, shifted by a part of a step:
     /// where a joint is slow that is a saw, and no white noise. Sizes and times of kinks are off by what noise makes of them. Draws are those of a seed that belongs to their number. Allocates.
     pub(crate) fn draws(&self, record: &Record, count: usize) -> Result<Vec<Arc<dyn JointMotion>>, SetupError> {
         let (times, n) = (times(record), self.positions.len());
+        let kinks: Vec<Kink> = self.motion.kinks().map(|k| k.0).collect();
         let one = |k: usize| {
             let mut rng = ChaCha8Rng::seed_from_u64(k as u64);
             let shift: Vec<f64> = self.steps.iter().map(|step| step * rng.random::<f64>()).collect();
@@ -122,7 +128,7 @@ impl MotionNoise {
             let samples = JointSamples { dof: n, times: &times, q: &q, qd: None, rate_weight: 0.0 };
             let fit = |kinks: &[Kink]| fit_with_kinks(&samples, self.spacing, kinks, self.from_rest);
             // Times that are not told beside the others stay.
-            let fit = fit(&[&self.kinks[..], &self.moved].concat()).or_else(|_| fit(&self.kinks));
+            let fit = fit(&[&kinks[..], &self.moved].concat()).or_else(|_| fit(&kinks));
             let fit = fit.map_err(|e| SetupError::JointMotion(e.to_string()))?;
             Ok(Arc::new(fit.motion) as Arc<dyn JointMotion>)
         };
@@ -243,7 +249,6 @@ mod tests {
             steps: vec![step],
             motion: Arc::new(fit.motion),
             from_rest: false,
-            kinks: Vec::new(),
             moved: Vec::new(),
             ends: LooseEnds::default(),
         }

@@ -26,6 +26,13 @@ pub struct Kink {
     pub order: usize,
 }
 
+impl Kink {
+    /// The kink that this one changes by with its time, but for sign and size.
+    pub(super) fn by_time(&self) -> Self {
+        Self { order: self.order - 1, ..*self }
+    }
+}
+
 /// What a kink adds to a spline: see the page above.
 #[derive(Clone, Debug)]
 pub(crate) struct Column {

@@ -1,7 +1,7 @@
 //! Where the acceleration of a joint jumps or bends, from its positions.
 //!
 //! A spline that the noise lets follow the motion everywhere else leaves a burst in the residuals there. With `r` the residuals of a fit and `x` the
-//! column of a kink (`crate::motion::kink`), which is orthogonal to neither, chi-squared would fall by
+//! column of a kink (`crate::motion::kink`), chi-squared would fall by
 //!
 //! ```text
 //! (x^T r)^2 / (s^2 |x - P x|^2),      P x: what the spline takes up of x
@@ -14,7 +14,7 @@
 use crate::motion::kink::{Column, Kink};
 use crate::motion::segments::Pieces;
 use crate::motion::spline_basis::{Bent, SplineBasis};
-use crate::motion::spline_fit::{FitError, JointSamples, is_even, spans};
+use crate::motion::spline_fit::{DEGREE, FitError, JointSamples, SIXTH, is_even, sixth_differences, spans};
 use core::ops::Range;
 use nalgebra::DVector;
 use std::collections::HashMap;
@@ -52,7 +52,6 @@ const MARGIN: f64 = 12.0;
 /// What a search looks at.
 pub(super) struct Search<'a> {
     pub(super) samples: &'a JointSamples<'a>,
-    pub(super) degree: usize,
     /// Per joint, the standard deviation of its positions, and the step in which they are read.
     pub(super) noise: &'a [f64],
     pub(super) steps: &'a [f64],
@@ -66,20 +65,34 @@ pub(super) struct Smooth {
 
 impl Search<'_> {
     /// Where the motions of joints go over from one polynomial to another, of those joints that splines with knots `spacing` apart do not follow at some
-    /// places; `ramps` as in [`Pieces::kinks`]. Allocates.
-    pub(super) fn pieces(&self, spacing: f64, ramps: bool) -> Result<Vec<Kink>, FitError> {
+    /// places. Allocates.
+    pub(super) fn pieces(&self, spacing: f64) -> Result<Vec<Kink>, FitError> {
         let s = self.samples;
-        let whole = Window::new(s, spacing, self.degree)?;
+        let whole = Window::new(s, spacing)?;
         let mut out = Vec::new();
         for j in (0..s.dof).filter(|&j| self.noise[j] > 0.0) {
             let sigma = self.noise[j];
             let r = whole.basis.residuals(s, j, &whole.smooth.row(j).transpose(), core::iter::empty());
             if whole.restless(&r, sigma).len() as f64 > SOMEWHERE * r.len() as f64 {
-                let q: Vec<f64> = s.q.iter().skip(j).step_by(s.dof).copied().collect();
-                out.extend(Pieces { times: s.times, q: &q, sigma }.kinks(j, ramps));
+                out.extend(Pieces { times: s.times, q: &self.positions(j), sigma }.kinks(j));
             }
         }
         Ok(out)
+    }
+    /// These with ramps in place of jumps where positions say so ([`Pieces::ramps`]); `None` where no joint has any. Allocates.
+    pub(super) fn ramps(&self, pieces: &[Kink]) -> Option<Vec<Kink>> {
+        let mut any = false;
+        let mut out = Vec::with_capacity(pieces.len());
+        for own in pieces.chunk_by(|a, b| a.joint == b.joint) {
+            let (j, mut own) = (own[0].joint, own.to_vec());
+            any |= Pieces { times: self.samples.times, q: &self.positions(j), sigma: self.noise[j] }.ramps(j, &mut own);
+            out.extend(own);
+        }
+        any.then_some(out)
+    }
+    /// Of joint `j`.
+    fn positions(&self, j: usize) -> Vec<f64> {
+        self.samples.q.iter().skip(j).step_by(self.samples.dof).copied().collect()
     }
     /// The kinks that stand out of splines with knots `spacing` apart, of those that are `known` and beside them on the same joints. Allocates.
     pub(super) fn kinks(&self, spacing: f64, known: &[Kink]) -> Result<Vec<Kink>, FitError> {
@@ -96,10 +109,10 @@ impl Search<'_> {
             let begin = s.times[from];
             let times: Vec<f64> = s.times[from..to].iter().map(|t| t - begin).collect();
             let part = JointSamples { times: &times, q: &s.q[from * n..to * n], qd: None, ..*s };
-            if times.len() < self.degree + 2 {
+            if times.len() < DEGREE + 2 {
                 continue;
             }
-            let mut window = Window::new(&part, spacing, self.degree)?;
+            let mut window = Window::new(&part, spacing)?;
             for j in (0..n).filter(|&j| self.noise[j] > 0.0 && known.iter().any(|k| k.joint == j)) {
                 let own =
                     known.iter().filter(|k| k.joint == j && (begin..=begin + times[times.len() - 1]).contains(&k.time));
@@ -115,7 +128,7 @@ impl Search<'_> {
     /// The record without these kinks, of the sizes that they have beside a spline with such knots. Allocates.
     pub(super) fn without(&self, spacing: f64, kinks: &[Kink]) -> Result<Smooth, FitError> {
         let s = self.samples;
-        let basis = SplineBasis::new(s, spans(s, spacing), self.degree, false)?;
+        let basis = SplineBasis::new(s, spans(s, spacing), DEGREE, false)?;
         let smooth = basis.smooth(s);
         let mut out = Smooth { q: s.q.to_vec(), qd: s.qd.map(<[f64]>::to_vec) };
         for j in 0..s.dof {
@@ -125,7 +138,7 @@ impl Search<'_> {
                 for i in SplineBasis::covered(s.times, column) {
                     let t = s.times[i];
                     let (first, rows) = basis.knots.local::<2>(t);
-                    let at = |r: usize| size * column.at(t, r, (first, &rows[r][..=self.degree]), 0.0);
+                    let at = |r: usize| size * column.at(t, r, (first, &rows[r][..=DEGREE]), 0.0);
                     out.q[i * s.dof + j] -= at(0);
                     if let Some(qd) = &mut out.qd {
                         qd[i * s.dof + j] -= at(1);
@@ -154,9 +167,9 @@ struct Candidate {
 }
 
 impl<'a> Window<'a> {
-    fn new(s: &'a JointSamples<'a>, spacing: f64, degree: usize) -> Result<Self, FitError> {
+    fn new(s: &'a JointSamples<'a>, spacing: f64) -> Result<Self, FitError> {
         let spans = spans(s, spacing);
-        let basis = SplineBasis::new(s, spans, degree, false)?;
+        let basis = SplineBasis::new(s, spans, DEGREE, false)?;
         let smooth = basis.smooth(s);
         let spacing = s.times[s.times.len() - 1] / spans as f64;
         Ok(Self { s, spacing, basis, smooth, squares: HashMap::new() })
@@ -277,8 +290,7 @@ impl<'a> Window<'a> {
     /// One Gauss-Newton step of the times; none where they are not told.
     fn refine(&self, j: usize, kinks: &mut [Kink]) {
         let end = self.s.times[self.s.times.len() - 1];
-        let lower = kinks.iter().map(|k| Kink { order: k.order - 1, ..*k });
-        let both: Vec<Kink> = kinks.iter().copied().chain(lower).collect();
+        let both: Vec<Kink> = kinks.iter().copied().chain(kinks.iter().map(Kink::by_time)).collect();
         let Ok(bent) = self.bend(j, &both) else { return };
         let count = kinks.len();
         let steps: DVector<f64> = DVector::from_fn(count, |i, _| -bent.sizes[count + i] / bent.sizes[i]);
@@ -291,18 +303,19 @@ impl<'a> Window<'a> {
 /// Standard deviation of the positions of every joint by the middle one of their sixth differences, which bursts here and there do not raise; no more
 /// than the `estimated` one, which it is at uneven times. Allocates.
 pub(super) fn usual_noise(s: &JointSamples<'_>, estimated: &[f64]) -> Vec<f64> {
-    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
     /// Middle of the absolute values of a normal distribution.
     const MIDDLE: f64 = 0.674_49;
-    let (n, m) = (s.dof, s.times.len());
-    if is_even(s.times).is_err() || m < BINOMIAL.len() {
+    if is_even(s.times).is_err() {
         return estimated.to_vec();
     }
     let of = |j: usize| {
-        let difference = |i: usize| BINOMIAL.iter().enumerate().map(|(a, c)| c * s.q[(i + a) * n + j]).sum::<f64>();
-        let mut all: Vec<f64> = (0..=m - BINOMIAL.len()).map(|i| difference(i).abs()).collect();
+        let mut all: Vec<f64> = sixth_differences(s, j).map(f64::abs).collect();
+        if all.is_empty() {
+            return None;
+        }
         let middle = all.len() / 2;
-        *all.select_nth_unstable_by(middle, f64::total_cmp).1 / (MIDDLE * 924f64.sqrt())
+        let middle = *all.select_nth_unstable_by(middle, f64::total_cmp).1;
+        Some(middle / (MIDDLE * SIXTH.sqrt())).filter(|s| *s > 0.0)
     };
-    estimated.iter().enumerate().map(|(j, &e)| Some(of(j)).filter(|s| *s > 0.0).map_or(e, |s| s.min(e))).collect()
+    estimated.iter().enumerate().map(|(j, &e)| of(j).map_or(e, |s| s.min(e))).collect()
 }

@@ -13,9 +13,7 @@
 use crate::motion::kink::Kink;
 use crate::motion::kink_search::{Search, usual_noise};
 use crate::motion::knot_risk::{Candidate, JUDGED, best, biases, cost, quantum, variance_of};
-use crate::motion::spline_fit::{
-    DEGREE, FitError, JointSamples, MotionFit, fit_of_degree, fit_with_kinks, is_even, noise_of,
-};
+use crate::motion::spline_fit::{FitError, JointSamples, MotionFit, fit_of_degree, fit_with_kinks, is_even, noise_of};
 use ff_records::ChannelGroup;
 use ff_records::time_base::{TimeBaseError, on_grid_across};
 use ff_spectral::Welch;
@@ -149,16 +147,18 @@ pub fn fit_at_stake(
     }
     let steps: Vec<f64> =
         (0..n).map(|j| quantum(samples.q.iter().skip(j).step_by(n).copied()).unwrap_or(0.0)).collect();
-    // Where a joint rests its readings repeat, and differences see less than the steps.
-    let stepped =
-        |x: &[f64]| -> Vec<f64> { x.iter().zip(&steps).map(|(s, step)| s.max(step / 12f64.sqrt())).collect() };
-    let level = noise.map_or_else(|| stepped(&estimated), <[f64]>::to_vec);
+    let level = noise.map_or_else(|| above_steps(&estimated, &steps), <[f64]>::to_vec);
     let plain = chosen(samples, level, stake)?;
-    // Jumps are noise to differences, of which half are between them.
-    let usual = noise.map_or_else(|| stepped(&usual_noise(samples, &estimated)), <[f64]>::to_vec);
-    // What fails on the way to kinks is no error: there are none then.
-    let found = Some(()).filter(|()| stake.kinks);
-    let found = found.and_then(|()| kinked(samples, &plain, (&usual, &steps), noise.is_some(), stake).ok()?);
+    let found = if stake.kinks {
+        // Jumps are noise to differences, of which half are between them.
+        let usual = || above_steps(&usual_noise(samples, &estimated), &steps);
+        let usual = noise.map_or_else(usual, <[f64]>::to_vec);
+        let search = Search { samples, noise: &usual, steps: &steps };
+        // What fails on the way to kinks is no error: there are none then.
+        kinked(&search, &plain, noise, stake).unwrap_or(None)
+    } else {
+        None
+    };
     let bent = found.and_then(|(chosen, kinks)| {
         let fit = fit_with_kinks(samples, chosen.spacing, &kinks, false).ok()?;
         Some(Chosen { candidate: fit, ..chosen })
@@ -172,6 +172,11 @@ pub fn fit_at_stake(
     Ok(SpectralFit { fit, bands, floors, noise, steps, rate_weight: rho, dt, reason })
 }
 
+/// Noise of readings in these steps: where a joint rests its readings repeat, and differences see less than the steps.
+fn above_steps(noise: &[f64], steps: &[f64]) -> Vec<f64> {
+    noise.iter().zip(steps).map(|(s, step)| s.max(step / 12f64.sqrt())).collect()
+}
+
 /// Factors on the spacing of knots that follow the motion, at which kinks are looked for: they stand out of the noise there.
 const WIDER: [f64; 6] = [2.0, 2.8, 4.0, 5.6, 8.0, 16.0];
 /// Part of the cost of knots without kinks that those with some must stay below.
@@ -181,16 +186,18 @@ const ENOUGH: f64 = 2.0;
 
 /// The knots of what kinks leave of the motion, and the kinks; `None` where there are none, or where knots cost as much without them.
 fn kinked(
-    samples: &JointSamples<'_>,
+    search: &Search<'_>,
     plain: &Chosen,
-    (noise, steps): (&[f64], &[f64]),
-    is_given: bool,
+    given: Option<&[f64]>,
     stake: &Stake,
 ) -> Result<Option<(Chosen, Vec<Kink>)>, KnotError> {
-    let search = Search { samples, degree: DEGREE, noise, steps };
     let mut best: Option<(Chosen, Vec<Kink>)> = None;
+    let mut pieces = search.pieces(WIDER[0] * plain.spacing)?;
     for ramps in [false, true] {
-        let pieces = search.pieces(WIDER[0] * plain.spacing, ramps)?;
+        if ramps {
+            // As they were, they have been looked at.
+            pieces = search.ramps(&pieces).unwrap_or_default();
+        }
         if pieces.is_empty() {
             break;
         }
@@ -199,11 +206,10 @@ fn kinked(
             let kinks = search.kinks(spacing, &pieces)?;
             let smooth = search.without(spacing, &kinks)?;
             let (q, qd) = (&smooth.q[..], smooth.qd.as_deref());
-            let left = JointSamples { q, qd, ..*samples };
-            let level = if is_given {
-                noise.to_vec()
-            } else {
-                noise_of(&left)?.iter().zip(steps).map(|(s, step)| s.max(step / 12f64.sqrt())).collect()
+            let left = JointSamples { q, qd, ..*search.samples };
+            let level = match given {
+                Some(noise) => noise.to_vec(),
+                None => above_steps(&noise_of(&left)?, search.steps),
             };
             let next = chosen(&left, level, stake)?;
             let least = best.as_ref().map_or(plain.cost, |b| b.0.cost);

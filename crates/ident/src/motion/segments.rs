@@ -59,8 +59,8 @@ pub(super) struct Pieces<'a> {
 }
 
 impl Pieces<'_> {
-    /// The kinks between the pieces, as those of joint `j`; with `ramps`, a jump may be two of them with a ramp between. Allocates.
-    pub(super) fn kinks(&self, j: usize, ramps: bool) -> Vec<Kink> {
+    /// The kinks between the pieces, as those of joint `j`. Allocates.
+    pub(super) fn kinks(&self, j: usize) -> Vec<Kink> {
         let mut ends = vec![0];
         while let Some(&from) = ends.last() {
             let to = self.longest(from);
@@ -77,17 +77,23 @@ impl Pieces<'_> {
         let mut out: Vec<Kink> = Vec::new();
         for (i, &end) in ends.iter().enumerate() {
             let next = ends.get(i + 1).copied().unwrap_or(self.times.len());
-            let range = self.begin(out.last(), end)..next.min(end + ASIDE);
+            let known = out.last().map_or(0, |k| self.at(k));
+            let range = known.max(end.saturating_sub(2 * ASIDE))..next.min(end + ASIDE);
             let within = range.start + 2..(end + 3).min(next);
             out.extend(self.placed(j, range, &[], within));
         }
         self.sweep(j, &mut out);
         self.reorder(&mut out);
-        if ramps && self.split(j, &mut out) {
-            self.reorder(&mut out);
-            self.sweep(j, &mut out);
-        }
         out
+    }
+    /// Puts two kinks with a ramp between them in place of jumps that are one; whether any is. Allocates.
+    pub(super) fn ramps(&self, j: usize, kinks: &mut Vec<Kink>) -> bool {
+        let any = self.split(j, kinks);
+        if any {
+            self.reorder(kinks);
+            self.sweep(j, kinks);
+        }
+        any
     }
     /// Places every kink anew beside its neighbours.
     fn sweep(&self, j: usize, kinks: &mut [Kink]) {
@@ -168,8 +174,7 @@ impl Pieces<'_> {
         let (from, to) = (*stretch.first()?, *stretch.last()?);
         let far = FAR * (to - from) / range.len() as f64;
         for _ in 0..POLISHED {
-            let lower = kinks[fixed..].iter().map(|k| Kink { order: k.order - 1, ..*k });
-            let both: Vec<Kink> = kinks.iter().copied().chain(lower).collect();
+            let both: Vec<Kink> = kinks.iter().copied().chain(kinks[fixed..].iter().map(Kink::by_time)).collect();
             let sizes = self.solve(range.clone(), &both)?.1;
             let count = kinks.len();
             for (i, k) in kinks[fixed..].iter_mut().enumerate() {
@@ -194,11 +199,6 @@ impl Pieces<'_> {
         let near = [before(1), after(1)].into_iter().flatten().map(|k| kinks[k]).collect();
         let between = first(before(1)).max(range.start + 1)..last(after(1)).min(range.end.saturating_sub(1));
         Beside { range, near, between }
-    }
-    /// Where the stretch begins by which a kink before sample `end` is placed.
-    fn begin(&self, before: Option<&Kink>, end: usize) -> usize {
-        let known = before.map_or(0, |k| self.times.partition_point(|t| *t <= k.time));
-        known.max(end.saturating_sub(2 * ASIDE))
     }
     /// One behind the last sample that a polynomial follows from sample `from` on.
     fn longest(&self, from: usize) -> usize {

@@ -168,7 +168,7 @@ pub(super) fn movable(
     let mut out = Vec::new();
     for (j, sigma) in noise.iter().enumerate() {
         let own: Vec<(Kink, f64)> = kinks.iter().filter(|k| k.0.joint == j).copied().collect();
-        let lower = || own.iter().map(|(k, _)| Kink { order: k.order - 1, ..*k });
+        let lower = || own.iter().map(|(k, _)| k.by_time());
         let both: Vec<Kink> = own.iter().map(|k| k.0).chain(lower()).collect();
         let none = nalgebra::DVector::zeros(basis.knots.count());
         let Ok(bent) = basis.bend(samples, j, &both, &none) else { continue };
@@ -238,6 +238,17 @@ fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize, of: &Shape<'_>)
     Ok(MotionFit { motion, spacing, residual: res, rate_residual, start_rate_variance, from_rest })
 }
 
+/// Weights of a difference of order 6, and their sum of squares.
+const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
+pub(super) const SIXTH: f64 = 924.0;
+
+/// Differences of order 6 of the positions of joint `j`; none of fewer than seven samples.
+pub(super) fn sixth_differences(samples: &JointSamples<'_>, j: usize) -> impl Iterator<Item = f64> {
+    let (n, q) = (samples.dof, samples.q);
+    let rows = (samples.times.len() + 1).saturating_sub(BINOMIAL.len());
+    (0..rows).map(move |i| BINOMIAL.iter().enumerate().map(|(a, c)| c * q[(i + a) * n + j]).sum())
+}
+
 /// Standard deviation of white noise on each joint position, from differences of order 6 of equally spaced
 /// samples: `var(diff^m x) = C(2m, m) sigma^2` for white noise, while a smooth motion of angular frequency
 /// `w` keeps only `(w h)^m` of its amplitude (J. von Neumann 1941 for `m = 1`). Needs 7 samples; returns an
@@ -246,7 +257,6 @@ fn fit_spans(samples: &JointSamples<'_>, end: f64, spans: usize, of: &Shape<'_>)
 /// # Errors
 /// [`FitError`] if lengths disagree, a value is not finite, there are too few samples or they are uneven.
 pub fn noise_estimate(samples: &JointSamples<'_>) -> Result<Vec<f64>, FitError> {
-    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
     check(samples)?;
     let (n, m) = (samples.dof, samples.times.len());
     is_even(samples.times)?;
@@ -255,10 +265,8 @@ pub fn noise_estimate(samples: &JointSamples<'_>) -> Result<Vec<f64>, FitError> 
     }
     let rows = m + 1 - BINOMIAL.len();
     let of_joint = |j: usize| {
-        let sum: f64 = (0..rows)
-            .map(|i| BINOMIAL.iter().enumerate().map(|(a, c)| c * samples.q[(i + a) * n + j]).sum::<f64>().powi(2))
-            .sum();
-        (sum / rows as f64 / 924.0).sqrt()
+        let sum: f64 = sixth_differences(samples, j).map(|d| d.powi(2)).sum();
+        (sum / rows as f64 / SIXTH).sqrt()
     };
     Ok((0..n).map(of_joint).collect())
 }

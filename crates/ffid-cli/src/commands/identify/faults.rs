@@ -65,17 +65,17 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args, before: &Problems) -
         let hint = format!("{}; start nearer, or excite more", m.taken());
         add(Problem::warning(Area::Data, "Fit::MultipleMinima", what), &hint);
     }
-    if let Some(w) = r.warnings.iter().find(|w| w.code == "Fit::MotionNoise") {
-        add(
-            Problem::warning(Area::Data, "Fit::MotionNoise", w.message.clone()),
-            "move the joints so that these modes ring, or measure positions finer",
-        );
-    }
-    if let Some(w) = r.warnings.iter().find(|w| w.code == "Data::Kinks") {
-        add(
-            Problem::warning(Area::Data, "Data::Kinks", w.message.clone()),
+    let of_motion = [
+        ("Fit::MotionNoise", "move the joints so that these modes ring, or measure positions finer"),
+        (
+            "Data::Kinks",
             "a log of the rates and accelerations that the controller commanded, or a smoother profile, keeps all readings",
-        );
+        ),
+    ];
+    for (code, hint) in of_motion {
+        if let Some(w) = r.warnings.iter().find(|w| w.code == code) {
+            add(Problem::warning(Area::Data, code, w.message.clone()), hint);
+        }
     }
     if let Some(d) = r.sampled.as_ref().filter(|d| d.state != SampledState::Converged) {
         let hint = match d.state {
