@@ -132,12 +132,14 @@ impl ClockCorrection {
             for e in [&mut found.torque, &mut found.gyro] {
                 drop_insignificant(e);
             }
-            let total = match self.totals[k].take() {
-                None => found.clone(),
-                Some(t) => Clocks { torque: sum(&t.torque, &found.torque), gyro: sum(&t.gyro, &found.gyro) },
-            };
             let seconds = record.seconds();
             let off = |e: &ClockEstimate, part: f64| e.offset.abs().max((e.skew * seconds).abs()) > part * dt;
+            // A clock that was left as it is was now compared once more, by a better fit, and not what is left of it.
+            let total = |t: &ClockEstimate, f: &ClockEstimate| if off(t, CORRECTED) { sum(t, f) } else { f.clone() };
+            let total = match self.totals[k].take() {
+                None => found.clone(),
+                Some(t) => Clocks { torque: total(&t.torque, &found.torque), gyro: total(&t.gyro, &found.gyro) },
+            };
             let more = |total: &ClockEstimate, found: &ClockEstimate| off(total, CORRECTED) && off(found, SETTLED);
             let unsettled = more(&total.torque, &found.torque) || more(&total.gyro, &found.gyro);
             let (corrected, mask, warnings) = correct_clocks(&self.originals[k], &total);

@@ -8,6 +8,7 @@
 use super::candidates::{Hypothesis, SIMPLER, is_plausible, mistakes, ranked, turns};
 use super::case::{Case, Scales};
 use super::diagnosis::{Finding, Judgement, Topic};
+use super::late;
 use super::mismatch::{Output, distance_with, explain, is_gyro_reversed, put_right};
 use super::motion_error::MotionError;
 use super::prediction::Prediction;
@@ -144,6 +145,18 @@ pub(super) fn findings(case: &Case<'_>) -> Hypotheses {
         found.starts_in_motion = true;
         found.findings.push(good(format!(
             "a quick fit with base and appendages moving at the first sample leaves the misfit {moving:.3}, one from rest {before:.3}"
+        )));
+        return found;
+    }
+    let late = found.fit.as_ref().and_then(|fit| late::found(case, &thin, fit, &start));
+    let follows =
+        |fit: &QuickFit| explains(fit.misfit) && fit.misfit < limit.min(moving) && fit.strays() <= STRAYS.ln();
+    if let Some((fit, device, late)) = late.filter(|l| follows(&l.0)) {
+        let (ms, after) = (1e3 * late, fit.misfit);
+        let what = device.name();
+        found.fit = Some(fit);
+        found.findings.push(good(format!(
+            "a quick fit follows torques and gyro with {what} put {ms:.1} ms earlier, misfit {after:.3}, and {before:.3} as it is"
         )));
         return found;
     }
@@ -299,7 +312,7 @@ impl Scales {
                 Output::GyroUnit { factor, .. } => out.gyro = *factor,
                 Output::TorqueGain(gain) => out.torque.iter_mut().for_each(|s| *s *= gain),
                 Output::GyroGain(gain) => out.gyro *= gain,
-                Output::Axis(_) | Output::Swapped { .. } | Output::Turned(_) => {}
+                Output::Axis(_) | Output::Swapped { .. } | Output::Turned(_) | Output::Late { .. } => {}
             }
         }
         out

@@ -25,20 +25,20 @@ const UNEXPLAINED: f64 = 0.25;
 /// What of these explains the record: the quick fit with it put right, that with the least misfit first.
 pub(super) fn found(case: &Case<'_>, thin: &Record, start: &[f64], before: f64) -> Vec<(QuickFit, Output)> {
     let mut out: Vec<(QuickFit, Output)> =
-        [turn, gyro_gain, torque_gain].into_iter().filter_map(|of| followed(case, thin, start, of)).collect();
+        [turn, gyro_gain, torque_gain].into_iter().filter_map(|of| followed(case, thin, (start, start), &of)).collect();
     out.retain(|(fit, o)| is_large(o) && fit.misfit < FOLLOWS && fit.misfit < UNEXPLAINED * before);
     out.sort_by(|a, b| a.0.misfit.total_cmp(&b.0.misfit));
     out
 }
 
-/// Number and quick fit in turn, until the misfit no longer falls.
-fn followed(
+/// Number and quick fit in turn, until the misfit no longer falls: the number at first by a prediction `at` these values, fits from `start`.
+pub(super) fn followed(
     case: &Case<'_>,
     thin: &Record,
-    start: &[f64],
-    number: fn(&Prediction, usize) -> Option<Output>,
+    (at, start): (&[f64], &[f64]),
+    number: &dyn Fn(&Prediction, usize) -> Option<Output>,
 ) -> Option<(QuickFit, Output)> {
-    let mut values = start.to_vec();
+    let mut values = at.to_vec();
     let mut best: Option<(QuickFit, Output)> = None;
     for _ in 0..ROUNDS {
         let Some(error) = Prediction::coarse_at(case, thin, &values).and_then(|p| number(&p, thin.joints())) else {

@@ -13,6 +13,7 @@ use super::settings::Settings;
 use super::signals::Signals;
 use super::unknowns::Unknowns;
 use super::valleys::ASIDE;
+use crate::workflow::amplitude::PART;
 use ff_dynamics::analysis::{Boundary, modes};
 use ff_least_squares::{Settings as Solver, Status};
 use ff_model::{Model, ParamGroup, Params};
@@ -201,18 +202,33 @@ fn best_start(
             }
         }
     }
-    // Lines of residuals far off are those of everything, and springs there say nothing.
-    let near = if round.led && first.chi2_per_dof < NOWHERE * request.noise {
+    // Lines of residuals far off are those of everything, and springs there say nothing; with quiet sensors a record is followed long before it is explained.
+    let follows = follows(first, of);
+    let near = if round.led && (follows || first.chi2_per_dof < NOWHERE * request.noise) {
         [aimed(request, first, lines, of), springs_back(request, first)].concat()
     } else {
         Vec::new()
     };
-    starts.extend(if far || !lost.is_empty() { [wide, near] } else { [near, wide] }.concat());
+    let wide_first = if far { !follows } else { !lost.is_empty() };
+    starts.extend(if wide_first { [wide, near] } else { [near, wide] }.concat());
     let settings = of_a_try(request);
     let led = |looked: &mut dyn Estimator| led_best(request, &settings, first, &starts, looked);
     // Where there is no thinner look at the record, or none that follows what is as fast as this, all of it leads.
     let thin = estimator.rough(&stiffest(request, &first.values)).and_then(|mut c| led(&mut *c.estimator));
     thin.or_else(|| led(estimator))
+}
+
+/// Whether a fit leaves no more than a twentieth of the signals.
+pub(super) fn follows(e: &Estimate, of: &Subject<'_>) -> bool {
+    let (mut sum, mut channels) = (0.0, 0);
+    for t in of.records {
+        let read = t.record.tau().column_iter().chain(t.record.gyro().column_iter());
+        for (channel, sigma) in read.zip(of.sigma) {
+            sum += channel.variance() / sigma.powi(2);
+            channels += 1;
+        }
+    }
+    e.chi2_per_dof < PART.powi(2) * sum / f64::from(channels.max(1))
 }
 
 /// Settings of a pass that shows where a start leads.

@@ -16,7 +16,7 @@ use super::record_estimator::Twin;
 use super::refit::{MOST_ANEW, SETTLED, moved};
 use super::settings::Settings;
 use super::signals::Signals;
-use super::suspects::{EXPLAINS, Found, Shape, Suspects, least};
+use super::suspects::{EXPLAINS, Found, Shape, Suspects, Until, least};
 use crate::open::Opened;
 use flex_panel::modal::Mode;
 use ident::Request;
@@ -96,7 +96,7 @@ impl Suspects<'_> {
         let Ok(Assembled { mut whole, .. }) = assembly.assemble(&setup.uncertain) else { return Ok(None) };
         let mut all = Vec::new();
         for from in [at.setup.unknowns.by_name(&at.end.values), BTreeMap::new()] {
-            all.extend(self.shape(setup, &mut *whole, &with.start(&from, &setup.unknowns), true)?);
+            all.extend(self.shape(setup, &mut *whole, &with.start(&from, &setup.unknowns), Until::Follows)?);
         }
         Ok(least(all))
     }

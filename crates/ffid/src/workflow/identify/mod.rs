@@ -77,6 +77,7 @@ pub(crate) mod segments;
 pub(crate) mod settings;
 pub(crate) mod signals;
 mod survey;
+mod suspect_starts;
 mod suspects;
 pub(crate) mod text;
 pub(crate) mod ties;

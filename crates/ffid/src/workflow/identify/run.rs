@@ -6,7 +6,7 @@ use super::compliances::allow_for_compliances;
 use super::consider::{self, Side};
 use super::course::Course;
 use super::drives;
-use super::elsewhere::{Subject, elsewhere};
+use super::elsewhere::{Subject, elsewhere, follows};
 use super::encoder_noise::{allow_for_encoders, kinked, said};
 use super::ends::{WIDE, explains, from_the_start, gone_on, has_springs};
 use super::error::IdentifyError;
@@ -437,16 +437,24 @@ fn solve(
             let tests = suspected.and_then(|found| found.tests);
             return Ok((Fitted::of(best, request.selected), tests));
         }
-        best = elsewhere(&quick, best, false, of, estimator);
+        // Where the signals are followed and one error accounts for what is left, other starts only come back: minutes where sensors are quiet.
+        let one_error = leads_nowhere(&best, request.noise)
+            && follows(&best, of)
+            && !estimator.stopped()
+            && suspects.is_one_error(&best)?;
+        if !one_error {
+            best = elsewhere(&quick, best, false, of, estimator);
+        }
         let unfinished = best.given_up;
         best = finished(request, best, estimator)?;
         // What is lost on the rest of the way was not lost yet where other starts were looked for.
-        if unfinished && !explains(&best) && has_lost(request, &best) {
+        if unfinished && !one_error && !explains(&best) && has_lost(request, &best) {
             best = elsewhere(&quick, best, true, of, estimator);
             best = finished(request, best, estimator)?;
         }
         // Something is left with the error, and so it is named only where no other start has led anywhere.
         if leads_nowhere(&best, request.noise)
+            && !one_error
             && !estimator.stopped()
             && let Some(found) = if rigid { suspected } else { suspects.lacking(&best, suspected)? }
         {

@@ -21,15 +21,14 @@ use super::record_estimator::Twin;
 use super::refit::{MOST_ANEW, SETTLED, moved, sizes};
 use super::settings::Settings;
 use super::survey::other_robot;
+use super::suspect_starts::{clients, starts};
 use crate::open::Opened;
 use crate::workflow::amplitude::{PART, amplitude};
 use ff_least_squares::Settings as Solver;
-use ff_model::Inertia;
 use ff_records::Record;
 use ident::belief::{PriorRow, Sigma};
 use ident::estimate::{Estimate, attempt};
 use ident::{Estimator, Noise, Priors, Request};
-use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 
 /// Relative standard deviation of the prior about the mission.
@@ -50,11 +49,10 @@ const TOGETHER: usize = 3;
 const HALVES: f64 = 0.5;
 /// Linearisations of a fit without an error from the end of that with it: of one record, and of several.
 const ON: [usize; 2] = [40, 12];
+/// Part of what a fit leaves above noise that is nearly all of it.
+const NEARLY_ALL: f64 = 0.9;
 /// Part of chi-squared above that of noise that a fit with the error leaves at most, where it is what kept the other from any answer.
 pub(super) const EXPLAINS: f64 = 0.1;
-/// Masses of what a link may hold, over that of the whole robot, and density (kg/m^3).
-const CLIENTS: [f64; 3] = [0.02, 0.08, 0.3];
-const DENSITY: f64 = 200.0;
 /// Deviations by which parameters of one record differ from those of another.
 const DIFFERS: f64 = 5.0;
 
@@ -116,6 +114,17 @@ enum Begins {
     Afar,
 }
 
+/// Until when a fit to the shape of the signals goes on.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Until {
+    /// It has ended.
+    Ended,
+    /// It is seen not to get below another, by objective.
+    Beats(f64),
+    /// It is seen not to follow the signals.
+    Follows,
+}
+
 /// A fit to the shape of the signals.
 pub(super) struct Shape {
     /// Sum of squared residuals, and the same per degree of freedom.
@@ -146,12 +155,13 @@ impl Suspects<'_> {
         let setup = self.setup;
         let loud = self.at_the_shape(&setup.settings);
         let Assembled { mut whole, twins, .. } = self.assembled(setup, &loud)?;
-        let mut shapes: Vec<Estimate> = Vec::new();
-        let adopted = self.settings.adopt.iter().flat_map(|name| clients(setup, name));
-        for start in std::iter::once(setup.unknowns.start.clone()).chain(adopted) {
-            shapes.extend(self.shape(setup, &mut *whole, &start, false)?);
+        let mut shape: Option<Estimate> = None;
+        for start in starts(&self.opened.model, self.records, setup, stuck)? {
+            let until = shape.as_ref().map_or(Until::Ended, |e| Until::Beats(e.objective));
+            let found = self.shape(setup, &mut *whole, &start, until)?;
+            shape = least(shape.into_iter().chain(found).collect());
         }
-        let Some(shape) = least(shapes) else { return Ok(None) };
+        let Some(shape) = shape else { return Ok(None) };
         let shape = Shape::of(setup, &shape);
         let mut nearer = None;
         if shape.follows() {
@@ -176,6 +186,14 @@ impl Suspects<'_> {
             None => Ok(None),
         }
     }
+    /// Whether one error accounts, to first order, for nearly all that a fit leaves above noise ([`NEARLY_ALL`]). Other starts have nothing to gain there.
+    pub(super) fn is_one_error(&self, e: &Estimate) -> Result<bool, IdentifyError> {
+        let (setup, settings) = (self.setup, &self.setup.settings);
+        let Assembled { whole, twins, .. } = self.assembled(setup, settings)?;
+        drop(whole);
+        let tests = self.tests_at(setup, settings, &twins, e)?;
+        Ok(tests.is_some_and(|t| !t.leading(NEARLY_ALL * self.above_noise(e), 1, |_| true).is_empty()))
+    }
     /// What the mission lacks where no other start leads anywhere either: a start in motion, or modes. A mode more can make up for springs that are
     /// far from where they belong, so that this is asked last; `suspected` stays where that leaves less.
     pub(super) fn lacking(&self, stuck: &Estimate, suspected: Option<Found>) -> Result<Option<Found>, IdentifyError> {
@@ -186,7 +204,7 @@ impl Suspects<'_> {
         let setup = self.setup;
         let loud = self.at_the_shape(&setup.settings);
         let Assembled { mut whole, twins, sigma, rows } = self.assembled(setup, &loud)?;
-        let shape = self.shape(setup, &mut *whole, &setup.unknowns.start, false)?;
+        let shape = self.shape(setup, &mut *whole, &setup.unknowns.start, Until::Ended)?;
         let Some(shape) = shape.map(|e| Shape::of(setup, &e)).filter(|shape| !shape.follows()) else {
             return Ok(suspected);
         };
@@ -209,6 +227,10 @@ impl Suspects<'_> {
     ) -> Result<Option<With>, IdentifyError> {
         let mut alone: Vec<(NamedError, Shape)> = Vec::new();
         for error in leading(tests, excess, &[]) {
+            // One that follows is not to be had again from an error that first order says is half of it at most.
+            if alone.iter().any(|(of, with)| with.follows() && error.drop < HALVES * of.drop) {
+                break;
+            }
             let with = self.shape_with(std::slice::from_ref(&error), shape)?;
             alone.extend(with.map(|with| (error, with)));
         }
@@ -282,11 +304,24 @@ impl Suspects<'_> {
         start: &[f64],
     ) -> Result<Option<(Estimate, Tests)>, IdentifyError> {
         let Some(e) = self.over_all(setup, whole, start)? else { return Ok(None) };
+        Ok(self.tests_at(setup, loud, twins, &e)?.map(|tests| (e, tests)))
+    }
+    /// Tests of all listed errors where a fit has got to.
+    fn tests_at(
+        &self,
+        setup: &Setup,
+        s: &Settings,
+        twins: &[Twin<'_>],
+        e: &Estimate,
+    ) -> Result<Option<Tests>, IdentifyError> {
         let Setup { unknowns, shared, labels, .. } = setup;
         let (fitted, values) = (Fitted::of(e.clone(), &unknowns.selected), unknowns.expand(&e.values)?);
         let (model, records, signals) = (&self.opened.model, self.records, &[][..]);
-        let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals };
-        Ok(tests_of_listed(&end, twins, loud)?.map(|tests| (e, tests)))
+        tests_of_listed(
+            &Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals },
+            twins,
+            s,
+        )
     }
     /// A fit to the shape of the signals, gone on with over all data; `None` where nothing can be predicted.
     pub(super) fn over_all(
@@ -313,6 +348,7 @@ impl Suspects<'_> {
         let start = setup.unknowns.at(&with.values);
         let mut request = Request { start: &start, noise: self.noise, ..setup.request()? };
         request.settings.gain_tolerance = request.settings.gain_tolerance.max(SETTLED);
+        request.to_beat = Some(self.noise * whole.rows() as f64 + EXPLAINS * self.above_noise(stuck));
         let Some(mut estimate) = self.fit(&request, &mut *whole)? else { return Ok(None) };
         // An error is what its value differs from the mission's by.
         from_the_start(&mut estimate, &Request { start: &setup.unknowns.start, ..request.clone() });
@@ -400,11 +436,11 @@ impl Suspects<'_> {
         let loud = self.at_the_shape(&setup.settings);
         let Ok(Assembled { mut whole, .. }) = self.assembled(&setup, &loud) else { return Ok(None) };
         // Without them the fit may have gone where no way leads back from.
-        let from_there = self.shape(&setup, &mut *whole, &setup.unknowns.at(&before.values), true)?;
-        let anew = self.shape(&setup, &mut *whole, &setup.unknowns.start, true)?;
+        let from_there = self.shape(&setup, &mut *whole, &setup.unknowns.at(&before.values), Until::Follows)?;
+        let anew = self.shape(&setup, &mut *whole, &setup.unknowns.start, Until::Follows)?;
         let mut all: Vec<Estimate> = from_there.into_iter().chain(anew).collect();
         for start in errors.iter().flat_map(|n| clients(&setup, &n.name)) {
-            all.extend(self.shape(&setup, &mut *whole, &start, true)?);
+            all.extend(self.shape(&setup, &mut *whole, &start, Until::Follows)?);
         }
         Ok(least(all).map(|e| Shape::of(&setup, &e)))
     }
@@ -436,18 +472,22 @@ impl Suspects<'_> {
         let centre = Some(&unknowns.start[..]);
         Ok(Request { start, centre, priors, anchor: None, coarse: false, near_end: false, finer: 0, settings, ..asked })
     }
-    /// A fit to the shape of the signals over less data, where there is less; `None` where it fails. One that is to `follow` them ends where it
-    /// will not.
+    /// A fit to the shape of the signals over less data, where there is less; `None` where it fails.
     pub(super) fn shape(
         &self,
         setup: &Setup,
         whole: &mut dyn Estimator,
         start: &[f64],
-        follow: bool,
+        until: Until,
     ) -> Result<Option<Estimate>, IdentifyError> {
-        let request = self.shape_request(setup, start, if follow { FOLLOW } else { ITERATIONS })?;
+        let most = if until == Until::Follows { FOLLOW } else { ITERATIONS };
+        let request = self.shape_request(setup, start, most)?;
         let fit = |of: &mut dyn Estimator| {
-            let to_beat = follow.then_some(of.rows() as f64);
+            let to_beat = match until {
+                Until::Follows => Some(of.rows() as f64),
+                Until::Beats(best) => Some(best),
+                Until::Ended => None,
+            };
             self.fit(&Request { to_beat, ..request.clone() }, of)
         };
         if let Some(mut thin) = whole.rough(start) {
@@ -537,30 +577,4 @@ fn better(a: Option<With>, b: Option<With>) -> Option<With> {
 /// The errors beside these that account for most of what a fit leaves, to first order.
 fn leading(tests: &Tests, excess: f64, beside: &[NamedError]) -> Vec<NamedError> {
     tests.leading(WORTH * excess, LEADING, |n| beside.iter().all(|o| o.name != n.name))
-}
-
-/// Starts at which a link that may hold something holds a ball, of several masses and the density of spacecraft, that touches it where its own centre of mass
-/// points to: a link that has to become many times as heavy takes a way that does not end. None for other errors.
-fn clients(setup: &Setup, error: &str) -> Vec<Vec<f64>> {
-    let Some(link) = error.strip_prefix("held.") else { return Vec::new() };
-    let unknowns = &setup.unknowns;
-    let mass = format!("{link}.mass");
-    let Some(link) = unknowns.decls.iter().position(|d| d.name == mass).filter(|&i| i + 10 <= unknowns.start.len())
-    else {
-        return Vec::new();
-    };
-    let own = Inertia::from_params(&unknowns.start[link..link + 10]);
-    let whole = unknowns.decls.iter().zip(&unknowns.start).filter(|(d, _)| d.unit == "kg").map(|(_, x)| x).sum::<f64>();
-    let Some(com) = own.com() else { return Vec::new() };
-    let out = com.try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::z);
-    let one = |part: &f64| {
-        let mass = part * whole;
-        let radius = (0.75 * mass / (std::f64::consts::PI * DENSITY)).cbrt();
-        let ball = Matrix3::identity() * (0.4 * mass * radius.powi(2));
-        let both = own + Inertia::from_com(mass, &(com + out * radius), &ball);
-        let mut start = unknowns.start.clone();
-        start[link..link + 10].copy_from_slice(&both.to_params());
-        start
-    };
-    CLIENTS.iter().map(one).collect()
 }
