@@ -3,6 +3,7 @@
 use crate::estimate::setup::SetupError;
 use crate::motion::kink::{FittedMotion, Kink, untold};
 use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
+use crate::motion::last_fits::remembered;
 use crate::motion::loose_ends::LooseEnds;
 use crate::motion::spline_fit::{FitError, JointSamples, choose_knots, fit_with_kinks, movable, noise_of};
 use crate::motion::stamped_motion::StampedHermite;
@@ -182,9 +183,15 @@ pub fn spectral_motion(record: &Record) -> Result<SpectralFit, SetupError> {
 /// # Errors
 /// As [`spectral_motion`].
 pub fn motion_at_stake(record: &Record, stake: &Stake, from_rest: bool) -> Result<SpectralFit, SetupError> {
+    let times = times(record);
+    remembered((record, &times, stake, from_rest), || at_stake(record, &times, stake, from_rest))
+}
+
+/// See [`motion_at_stake`].
+fn at_stake(record: &Record, times: &[f64], stake: &Stake, from_rest: bool) -> Result<SpectralFit, SetupError> {
     let failed = |e: KnotError| SetupError::JointMotion(e.to_string());
-    let (times, q) = (times(record), rows(record.q()));
-    let positions = JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 };
+    let q = rows(record.q());
+    let positions = JointSamples { dof: record.joints(), times, q: &q, qd: None, rate_weight: 0.0 };
     if let Some(qd) = record.qd() {
         let qd = rows(qd);
         let noise = |x: &[f64]| noise_of(&JointSamples { q: x, ..positions }).map_err(|e| failed(e.into()));

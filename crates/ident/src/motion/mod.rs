@@ -6,6 +6,7 @@ pub(crate) mod kink;
 pub(crate) mod kink_search;
 pub(crate) mod knot_risk;
 pub(crate) mod knot_spectrum;
+mod last_fits;
 pub(crate) mod late_encoder;
 pub(crate) mod loose_ends;
 pub(crate) mod segments;
