@@ -23,6 +23,19 @@ pub(crate) fn world(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64])
     noisy(dir, seed, spoil, edit);
 }
 
+/// Makes columns with this beginning so many samples late; the first reading stands before the others.
+pub(crate) fn late(beginning: &'static str, samples: usize) -> impl Fn(&[String], &mut [f64]) {
+    let before = RefCell::new(VecDeque::new());
+    move |names, x| {
+        let columns: Vec<usize> = (0..names.len()).filter(|&j| names[j].starts_with(beginning)).collect();
+        assert!(!columns.is_empty(), "{beginning} in {names:?}");
+        let mut before = before.borrow_mut();
+        before.push_back(columns.iter().map(|&j| x[j]).collect::<Vec<f64>>());
+        let read = if before.len() > samples { before.pop_front().unwrap() } else { before[0].clone() };
+        columns.iter().zip(read).for_each(|(&j, read)| x[j] = read);
+    }
+}
+
 /// [`world`] of a robot that carries something which the mission does not have.
 fn world_with(dir: &Path, seed: u64, appendage: &str) {
     simulated(dir, seed, |truth| truth.replace("\n[sensors]\n", &format!("\n{appendage}\n[sensors]\n")));
@@ -202,14 +215,7 @@ fn a_clock_of_the_whole_record_that_runs_fast_is_named_and_no_error_of_the_robot
 #[ignore = "full tier: 6 s"]
 fn an_encoder_that_is_late_is_named_and_no_axis_that_is_turned() {
     let dir = tempfile::tempdir().unwrap();
-    let before = RefCell::new(VecDeque::new());
-    let late = |names: &[String], x: &mut [f64]| {
-        let j = names.iter().position(|n| n.starts_with("q.elbow")).unwrap();
-        let mut before = before.borrow_mut();
-        before.push_back(x[j]);
-        x[j] = if before.len() > 2 { before.pop_front().unwrap() } else { before[0] };
-    };
-    world(dir.path(), 73, late, |m| m);
+    world(dir.path(), 73, late("q.elbow", 2), |m| m);
     let (code, r) = identify(dir.path(), &[]);
     let (e, best) = (&r["evidence"], &r["evidence"]["named"][0]);
     assert!(code == 16 && best["name"] == "encoder-clock.elbow" && best["refitted"] == true, "{code} {e}");

@@ -1,10 +1,8 @@
 //! Errors so large that no fit follows the record: what keeps it from any answer is named, in the time of a few fits.
 
 use crate::common::ffid;
-use crate::evidence::{noisy, simulated, world};
+use crate::evidence::{late, noisy, simulated, world};
 use serde_json::Value;
-use std::cell::RefCell;
-use std::collections::VecDeque;
 use std::fs;
 use std::path::Path;
 
@@ -147,20 +145,12 @@ fn a_start_in_motion_is_found_however_far_the_first_fit_is_led() {
 fn a_gyro_that_is_late_is_put_right_though_the_springs_are_far_off() {
     const LATE: usize = 4;
     let dir = tempfile::tempdir().unwrap();
-    let queue: RefCell<VecDeque<[f64; 3]>> = RefCell::default();
-    let late = |names: &[String], x: &mut [f64]| {
-        let first = names.iter().position(|n| n.starts_with("gyro")).unwrap();
-        let mut queue = queue.borrow_mut();
-        queue.push_back([x[first], x[first + 1], x[first + 2]]);
-        let read = if queue.len() > LATE { queue.pop_front().unwrap() } else { [0.0; 3] };
-        x[first..first + 3].copy_from_slice(&read);
-    };
     let softer = |m: String| {
         let m = m.replace("stiffness_nm_per_rad = 97.0", "stiffness_nm_per_rad = 61.0");
         m.replace("stiffness_nm_per_rad = 102.0", "stiffness_nm_per_rad = 66.0")
             .replace("mass_kg = 446.0", "mass_kg = 580.0")
     };
-    world(dir.path(), 71, late, softer);
+    world(dir.path(), 71, late("gyro", LATE), softer);
     let (code, r) = identify(dir.path(), &["--record", "rec.csv"]);
     assert_eq!((code, r["evidence"]["state"].as_str()), (0, Some("explained")), "{}", r["evidence"]);
     for (group, delay) in [("gyro", 0.02 * LATE as f64), ("torque", 0.0)] {

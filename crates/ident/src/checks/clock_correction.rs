@@ -114,8 +114,7 @@ impl ClockCorrection {
             let all_sizes = sizes(&decls, &values[k]);
             let params = Params::from_values(model, values[k].clone());
             let uncertain: Vec<(usize, f64)> = selected.iter().map(|&i| (i, BENT * all_sizes[i])).collect();
-            let latest = LATEST.0.min(LATEST.1 * record.seconds());
-            let mut found = match estimate_clocks(model, &params, record, noise, &uncertain, latest) {
+            let mut found = match estimate_clocks(model, &params, record, noise, &uncertain, longest_delay(record)) {
                 Ok(c) => c,
                 Err(ClockError::NotEstimable { group, why }) if first && require => {
                     return Err(ClockCorrectionError::NotEstimable { record: k, group, why });
@@ -135,10 +134,10 @@ impl ClockCorrection {
             let seconds = record.seconds();
             let off = |e: &ClockEstimate, part: f64| e.offset.abs().max((e.skew * seconds).abs()) > part * dt;
             // A clock that was left as it is was now compared once more, by a better fit, and not what is left of it.
-            let total = |t: &ClockEstimate, f: &ClockEstimate| if off(t, CORRECTED) { sum(t, f) } else { f.clone() };
+            let both = |t: &ClockEstimate, f: &ClockEstimate| if off(t, CORRECTED) { sum(t, f) } else { f.clone() };
             let total = match self.totals[k].take() {
                 None => found.clone(),
-                Some(t) => Clocks { torque: total(&t.torque, &found.torque), gyro: total(&t.gyro, &found.gyro) },
+                Some(t) => Clocks { torque: both(&t.torque, &found.torque), gyro: both(&t.gyro, &found.gyro) },
             };
             let more = |total: &ClockEstimate, found: &ClockEstimate| off(total, CORRECTED) && off(found, SETTLED);
             let unsettled = more(&total.torque, &found.torque) || more(&total.gyro, &found.gyro);
@@ -166,6 +165,11 @@ impl ClockCorrection {
         };
         self.totals.iter().enumerate().filter_map(one).collect()
     }
+}
+
+/// The longest delay of torques or gyro that is looked for in a record (s).
+pub fn longest_delay(record: &Record) -> f64 {
+    LATEST.0.min(LATEST.1 * record.seconds())
 }
 
 /// Sets to zero what noise may have made.

@@ -15,7 +15,7 @@ pub mod whiteness;
 
 pub use axes::{AxisMismatch, REVERSED, axis_mismatches};
 pub use clock::{ClockError, Predicted, estimate_clock, estimate_clocks};
-pub use clock_correction::{ClockCorrection, ClockCorrectionError, CorrectedClocks, FittedModel};
+pub use clock_correction::{ClockCorrection, ClockCorrectionError, CorrectedClocks, FittedModel, longest_delay};
 pub use free_decay::{ALIASED, FreeDecay, FreeDecayError, free_decay, longest_rest, resolved_decay};
 pub use momentum_change::{MomentumChange, momentum_change};
 pub use policy::{ClockPolicy, RecordChecks};

@@ -37,14 +37,11 @@ pub(super) fn remembered<E>(
     }
     let digest = |salt: u64| {
         let mut hasher = DefaultHasher::new();
-        let mut add = |x: &[f64]| {
-            hasher.write_usize(x.len());
-            x.iter().for_each(|x| hasher.write_u64(x.to_bits()));
-        };
         let rates = record.qd().map_or(&[][..], |qd| qd.as_slice());
-        [times, record.q().as_slice(), rates, &stake.weights, &stake.rates, &[stake.free]]
-            .into_iter()
-            .for_each(&mut add);
+        for numbers in [times, record.q().as_slice(), rates, &stake.weights, &stake.rates, &[stake.free]] {
+            hasher.write_usize(numbers.len());
+            numbers.iter().for_each(|x| hasher.write_u64(x.to_bits()));
+        }
         hasher.write_u64(salt + u64::from(from_rest));
         hasher.finish()
     };

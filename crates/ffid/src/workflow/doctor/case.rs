@@ -6,7 +6,7 @@ use super::noise::{Given, stated};
 use super::sampling::Sampled;
 use crate::modes::held;
 use crate::open::Opened;
-use crate::workflow::identify::{IdentifyError, LabelledRecord, Method, Settings};
+use crate::workflow::identify::{IdentifyError, LabelledRecord, Method, Settings, sigmas};
 use ff_mission::mission::Sensors;
 use ff_model::{Model, Params};
 use ff_records::{ChannelGroup, Record};
@@ -87,9 +87,7 @@ impl<'a> Case<'a> {
     }
     /// Standard deviations of torques and gyro, in the order of [`Record::responses`].
     pub(super) fn sigma(&self) -> Vec<f64> {
-        let mut out = vec![self.settings.noise.torque; self.record.joints()];
-        out.extend([self.settings.noise.gyro; 3]);
-        out
+        sigmas(self.model, &self.settings.noise)
     }
     pub(super) fn finding(&self, topic: Topic, judgement: Judgement, text: impl Into<String>) -> Finding {
         Finding::new(self.label, topic, judgement, text)

@@ -8,7 +8,7 @@ use super::quick_fit::QuickFit;
 use ff_model::diagnostics::Limit;
 use ff_model::{Area, Params, Problem};
 use ff_records::clock::ClockEstimate;
-use ident::checks::estimate_clocks;
+use ident::checks::{estimate_clocks, longest_delay};
 use ident::parameters::sizes;
 
 /// Uncertainty of the values, relative to their size.
@@ -16,16 +16,13 @@ const UNCERTAIN: f64 = 0.1;
 /// Samples, and standard deviations, that an offset or drift must exceed.
 const SAMPLES: f64 = 1.0;
 const SURE: f64 = 6.0;
-/// Largest offset looked for (s), and as a part of the record.
-const LATEST: (f64, f64) = (0.25, 0.03);
 
 pub(super) fn findings(case: &Case<'_>, fit: &QuickFit) -> Vec<Finding> {
     let (model, r) = (case.model, case.record);
     let params = Params::from_values(model, fit.values.clone());
     let all = sizes(&model.param_decls(), params.values());
     let uncertain: Vec<(usize, f64)> = case.estimated.iter().map(|&i| (i, UNCERTAIN * all[i])).collect();
-    let latest = LATEST.0.min(LATEST.1 * r.seconds());
-    let found = match estimate_clocks(model, &params, r, &case.settings.noise, &uncertain, latest) {
+    let found = match estimate_clocks(model, &params, r, &case.settings.noise, &uncertain, longest_delay(r)) {
         Ok(c) => c,
         Err(e) => {
             return vec![case.finding(Topic::Clocks, Judgement::Good, format!("not to be told from this record: {e}"))];

@@ -312,7 +312,7 @@ impl Scales {
                 Output::GyroUnit { factor, .. } => out.gyro = *factor,
                 Output::TorqueGain(gain) => out.torque.iter_mut().for_each(|s| *s *= gain),
                 Output::GyroGain(gain) => out.gyro *= gain,
-                Output::Axis(_) | Output::Swapped { .. } | Output::Turned(_) | Output::Late { .. } => {}
+                Output::Axis(_) | Output::Swapped { .. } | Output::Turned(_) => {}
             }
         }
         out

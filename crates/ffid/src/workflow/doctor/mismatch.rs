@@ -4,7 +4,6 @@
 //! agree, 1 where they have nothing in common or one is far smaller, 2 where the sign is reversed. Twice the amplitude is 0.2 away, three
 //! times the amplitude 0.4.
 
-use super::device::{self, Device};
 use super::prediction::Prediction;
 use super::units::{ONE_TORQUE, RATE, TORQUE, nearest, on_motor_side};
 use ff_records::Record;
@@ -48,8 +47,6 @@ pub(super) enum Output {
     GyroGain(f64),
     /// All torques do.
     TorqueGain(f64),
-    /// A device is late by so many samples of the record.
-    Late { device: Device, samples: f64 },
 }
 
 impl Output {
@@ -236,7 +233,6 @@ pub(super) fn apply(o: &Output, m: &mut DMatrix<f64>, nj: usize) {
             let rates = m.columns(nj, 3) * rotation.matrix();
             m.columns_mut(nj, 3).copy_from(&rates);
         }
-        Output::Late { device, samples } => device::put_earlier(m, nj, *device, *samples),
         Output::Axis(a) => {
             let known = m.clone();
             undo(a, &known, m, nj);

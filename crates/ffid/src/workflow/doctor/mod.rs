@@ -30,7 +30,6 @@ mod case;
 mod clipped;
 mod clocks;
 mod dead;
-mod device;
 mod diagnosis;
 mod excitation;
 mod gaps;

@@ -5,14 +5,14 @@
 //! five hundred times its noise would let a fit creep along narrow valleys.
 
 use super::case::{Case, Scales};
-use crate::workflow::amplitude::{PART, amplitude};
+use crate::workflow::amplitude::{PART, amplitude, loudness};
 use crate::workflow::identify::ringing::{Ringing, tuned};
+use crate::workflow::identify::sigmas;
 use ff_least_squares::Settings as Solver;
 use ff_model::Params;
 use ff_records::Record;
 use ident::estimate::attempt;
 use ident::{Estimated, Noise, Options, OutputError, Request};
-use nalgebra::DMatrix;
 
 /// Samples of the thinned record, at least, and its longest interval (s).
 const SAMPLES: usize = 400;
@@ -89,12 +89,6 @@ fn tolerance(case: &Case<'_>, record: &Record, scales: &Scales) -> Noise {
     Noise { torque: of_torque.max(PART * amplitude(record.tau())), gyro: of_gyro.max(PART * amplitude(record.gyro())) }
 }
 
-/// Mean square of torques and gyro about their means over these deviations.
-fn loudness(record: &Record, noise: Noise) -> f64 {
-    let of = |m: &DMatrix<f64>, sigma: f64| m.column_iter().map(|c| c.variance() / sigma.powi(2)).sum::<f64>();
-    (of(record.tau(), noise.torque) + of(record.gyro(), noise.gyro)) / (record.joints() + 3) as f64
-}
-
 /// From `start` under the prior about the values of the mission, what is estimated, and biases; with the state at the first sample when
 /// `initial_state`. `None` where the record cannot be predicted.
 pub(super) fn quick_fit(
@@ -119,7 +113,7 @@ pub(super) fn quick_fit(
     found.parameters.iter_mut().zip(case.estimated).for_each(|(e, &i)| e.start = nominal.values()[i]);
     found.chi2_per_dof.is_finite().then_some(QuickFit {
         misfit: found.chi2_per_dof,
-        loudness: loudness(record, noise),
+        loudness: loudness(record, &sigmas(case.model, &noise)),
         values: found.values,
         parameters: found.parameters,
     })

@@ -24,28 +24,35 @@ const UNEXPLAINED: f64 = 0.25;
 
 /// What of these explains the record: the quick fit with it put right, that with the least misfit first.
 pub(super) fn found(case: &Case<'_>, thin: &Record, start: &[f64], before: f64) -> Vec<(QuickFit, Output)> {
-    let mut out: Vec<(QuickFit, Output)> =
-        [turn, gyro_gain, torque_gain].into_iter().filter_map(|of| followed(case, thin, (start, start), &of)).collect();
+    let right = |error: &Output| {
+        let error = std::slice::from_ref(error);
+        (put_right(thin, error), Scales::of(case, MotionError::None, error))
+    };
+    let of = |number: fn(&Prediction, usize) -> Option<Output>| {
+        followed(case, thin, (start, start), |p| number(p, thin.joints()), right)
+    };
+    let mut out: Vec<(QuickFit, Output)> = [turn, gyro_gain, torque_gain].into_iter().filter_map(of).collect();
     out.retain(|(fit, o)| is_large(o) && fit.misfit < FOLLOWS && fit.misfit < UNEXPLAINED * before);
     out.sort_by(|a, b| a.0.misfit.total_cmp(&b.0.misfit));
     out
 }
 
 /// Number and quick fit in turn, until the misfit no longer falls: the number at first by a prediction `at` these values, fits from `start`.
-pub(super) fn followed(
+/// `right` is the record with an error put right, and the scales of its channels.
+pub(super) fn followed<E>(
     case: &Case<'_>,
     thin: &Record,
     (at, start): (&[f64], &[f64]),
-    number: &dyn Fn(&Prediction, usize) -> Option<Output>,
-) -> Option<(QuickFit, Output)> {
+    number: impl Fn(&Prediction) -> Option<E>,
+    right: impl Fn(&E) -> (Record, Scales),
+) -> Option<(QuickFit, E)> {
     let mut values = at.to_vec();
-    let mut best: Option<(QuickFit, Output)> = None;
+    let mut best: Option<(QuickFit, E)> = None;
     for _ in 0..ROUNDS {
-        let Some(error) = Prediction::coarse_at(case, thin, &values).and_then(|p| number(&p, thin.joints())) else {
+        let Some(error) = Prediction::coarse_at(case, thin, &values).and_then(|p| number(&p)) else {
             break;
         };
-        let record = put_right(thin, std::slice::from_ref(&error));
-        let scales = Scales::of(case, MotionError::None, std::slice::from_ref(&error));
+        let (record, scales) = right(&error);
         let Some(fit) = quick_fit(case, &record, &scales, start, false) else { break };
         let left = best.as_ref().map_or(f64::INFINITY, |b| b.0.misfit);
         values.clone_from(&fit.values);

@@ -239,10 +239,6 @@ fn of_output(case: &Case<'_>, o: &Output, why: &Grounds) -> Finding {
             let text = format!("torques are {}{known}; {}", times(*gain), why.words());
             off_by(case, ("tau", *gain), text, "torque-gain")
         }
-        Output::Late { device, samples } => {
-            let text = format!("{} late by {samples:.2} samples; {}", device.name(), why.words());
-            case.finding(Topic::Clocks, Judgement::Suspicious, text).on(device.group())
-        }
         Output::Swapped { joints: (i, j) } => {
             let text = format!("the torques of {} and {} are swapped; {}", names[*i], names[*j], why.words());
             let p = Problem::error(Area::Data, "Data::AxisMismatch", text.clone())

@@ -13,7 +13,7 @@ use super::settings::Settings;
 use super::signals::Signals;
 use super::unknowns::Unknowns;
 use super::valleys::ASIDE;
-use crate::workflow::amplitude::PART;
+use crate::workflow::amplitude::{PART, loudness};
 use ff_dynamics::analysis::{Boundary, modes};
 use ff_least_squares::{Settings as Solver, Status};
 use ff_model::{Model, ParamGroup, Params};
@@ -220,15 +220,8 @@ fn best_start(
 
 /// Whether a fit leaves no more than a twentieth of the signals.
 pub(super) fn follows(e: &Estimate, of: &Subject<'_>) -> bool {
-    let (mut sum, mut channels) = (0.0, 0);
-    for t in of.records {
-        let read = t.record.tau().column_iter().chain(t.record.gyro().column_iter());
-        for (channel, sigma) in read.zip(of.sigma) {
-            sum += channel.variance() / sigma.powi(2);
-            channels += 1;
-        }
-    }
-    e.chi2_per_dof < PART.powi(2) * sum / f64::from(channels.max(1))
+    let loud = of.records.iter().map(|t| loudness(&t.record, of.sigma)).sum::<f64>() / of.records.len() as f64;
+    e.chi2_per_dof < PART.powi(2) * loud
 }
 
 /// Settings of a pass that shows where a start leads.

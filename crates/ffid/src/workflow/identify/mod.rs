@@ -109,6 +109,7 @@ pub use number::num;
 pub use observed_estimator::{Interim, Observer, RecordCheck};
 pub use options::{Absent, FitOptions};
 pub use record_estimator::RecordEstimator;
+pub(in crate::workflow) use record_estimator::sigmas;
 pub(in crate::workflow) use result::uncertain::budget as variance_budget;
 pub use result::{
     Better, BodyLine, BodyQuantity, BudgetLine, BudgetShare, Channel, Combination, Correlation, Covariance,

@@ -175,7 +175,7 @@ impl<'a> Twin<'a> {
 }
 
 /// Standard deviations of torques and gyro.
-pub(super) fn sigmas(model: &Model, noise: &Noise) -> Vec<f64> {
+pub(in crate::workflow) fn sigmas(model: &Model, noise: &Noise) -> Vec<f64> {
     let mut out = vec![noise.torque; model.nj()];
     out.extend([noise.gyro; 3]);
     out

@@ -6,7 +6,9 @@
 //! that the slowest of its modes has that frequency, and its dampers likewise; the record says which is best.
 
 use super::ends::{is_spring, owner};
+use super::labelled_record::LabelledRecord;
 use super::record_estimator::sigmas;
+use super::unknowns::Unknowns;
 use ff_dynamics::analysis::{Boundary, Mode, modes, stiffness_damping};
 use ff_model::{Model, Params};
 use ff_records::Record;
@@ -35,6 +37,19 @@ pub(in crate::workflow) struct Ringing<'a> {
     pub(in crate::workflow) records: Vec<&'a Record>,
     /// All parameters of the model from those of a request; `None` where they make none.
     pub(in crate::workflow) expand: &'a dyn Fn(&[f64]) -> Option<Vec<f64>>,
+}
+
+/// [`tuned`] for a fit of these unknowns.
+pub(super) fn starts(
+    model: &Model,
+    records: &[LabelledRecord],
+    unknowns: &Unknowns,
+    noise: &Noise,
+    request: &Request<'_>,
+) -> Vec<Vec<f64>> {
+    let expand = |values: &[f64]| unknowns.expand(values).ok();
+    let records = records.iter().map(|t| &t.record).collect();
+    tuned(&Ringing { model, noise, records, expand: &expand }, request)
 }
 
 /// A line of a free decay.

@@ -28,7 +28,7 @@ use super::refit::Contradicted;
 use super::report::Report;
 use super::result::fit::{Ended as EndOfFit, Method};
 use super::result::provenance::Provenance;
-use super::ringing::{self, Ringing};
+use super::ringing;
 use super::settings::{Settings, check, method};
 use super::signals::Signals;
 use super::suspects::{Found, Suspects, leads_nowhere};
@@ -401,10 +401,7 @@ fn solve(
     let (unknowns, s) = (of.unknowns, of.settings);
     let mut ending = if options.more_starts == 0 {
         let quick = Request { give_up: Some(WIDE), ..request.clone() };
-        let expand = |values: &[f64]| unknowns.expand(values).ok();
-        let (model, noise) = (of.model, &s.noise);
-        let records = || of.records.iter().map(|t| &t.record).collect();
-        let tuned = || ringing::tuned(&Ringing { model, noise, records: records(), expand: &expand }, request);
+        let tuned = || ringing::starts(of.model, of.records, unknowns, &s.noise, request);
         let mut best = match begun {
             Some(before) => {
                 let on = Request { start: &before.values, centre: Some(request.start), coarse: false, ..quick.clone() };
@@ -442,23 +439,24 @@ fn solve(
             && follows(&best, of)
             && !estimator.stopped()
             && suspects.is_one_error(&best)?;
-        if !one_error {
-            best = elsewhere(&quick, best, false, of, estimator);
-        }
-        let unfinished = best.given_up;
-        best = finished(request, best, estimator)?;
-        // What is lost on the rest of the way was not lost yet where other starts were looked for.
-        if unfinished && !one_error && !explains(&best) && has_lost(request, &best) {
-            best = elsewhere(&quick, best, true, of, estimator);
+        if one_error {
             best = finished(request, best, estimator)?;
-        }
-        // Something is left with the error, and so it is named only where no other start has led anywhere.
-        if leads_nowhere(&best, request.noise)
-            && !one_error
-            && !estimator.stopped()
-            && let Some(found) = if rigid { suspected } else { suspects.lacking(&best, suspected)? }
-        {
-            return Ok((Fitted::of(found.estimate, request.selected), found.tests));
+        } else {
+            best = elsewhere(&quick, best, false, of, estimator);
+            let unfinished = best.given_up;
+            best = finished(request, best, estimator)?;
+            // What is lost on the rest of the way was not lost yet where other starts were looked for.
+            if unfinished && !explains(&best) && has_lost(request, &best) {
+                best = elsewhere(&quick, best, true, of, estimator);
+                best = finished(request, best, estimator)?;
+            }
+            // Something is left with the error, and so it is named only where no other start has led anywhere.
+            if leads_nowhere(&best, request.noise)
+                && !estimator.stopped()
+                && let Some(found) = if rigid { suspected } else { suspects.lacking(&best, suspected)? }
+            {
+                return Ok((Fitted::of(found.estimate, request.selected), found.tests));
+            }
         }
         best_valley(request, best, of, estimator)
     } else {

@@ -3,7 +3,7 @@
 use super::assembly::Setup;
 use super::error::IdentifyError;
 use super::labelled_record::LabelledRecord;
-use super::ringing::{self, Ringing};
+use super::ringing;
 use ff_model::{Inertia, Model};
 use ident::estimate::Estimate;
 use nalgebra::{Matrix3, Vector3};
@@ -22,10 +22,7 @@ pub(super) fn starts(
 ) -> Result<Vec<Vec<f64>>, IdentifyError> {
     let mut out = vec![setup.unknowns.start.clone()];
     out.extend(setup.settings.adopt.iter().flat_map(|name| clients(setup, name)));
-    let expand = |values: &[f64]| setup.unknowns.expand(values).ok();
-    let records = records.iter().map(|t| &t.record).collect();
-    let rings = Ringing { model, noise: &setup.settings.noise, records, expand: &expand };
-    out.extend(ringing::tuned(&rings, &setup.request()?));
+    out.extend(ringing::starts(model, records, &setup.unknowns, &setup.settings.noise, &setup.request()?));
     out.push(stuck.values.clone());
     Ok(out)
 }

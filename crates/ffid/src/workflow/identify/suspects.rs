@@ -189,8 +189,7 @@ impl Suspects<'_> {
     /// Whether one error accounts, to first order, for nearly all that a fit leaves above noise ([`NEARLY_ALL`]). Other starts have nothing to gain there.
     pub(super) fn is_one_error(&self, e: &Estimate) -> Result<bool, IdentifyError> {
         let (setup, settings) = (self.setup, &self.setup.settings);
-        let Assembled { whole, twins, .. } = self.assembled(setup, settings)?;
-        drop(whole);
+        let Assembled { twins, .. } = self.assembled(setup, settings)?;
         let tests = self.tests_at(setup, settings, &twins, e)?;
         Ok(tests.is_some_and(|t| !t.leading(NEARLY_ALL * self.above_noise(e), 1, |_| true).is_empty()))
     }
