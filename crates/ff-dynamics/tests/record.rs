@@ -248,4 +248,22 @@ fn several_parameter_sets_at_once_are_single_runs() {
     let out = simulate_reduced_batch(&m, &table, &mixed).unwrap();
     assert!(out[0].is_ok() && out[2].is_ok());
     assert!(matches!(out[1], Err(ReducedError::Singular { .. })), "{:?}", out[1].as_ref().err());
+    // Nor one whose modes are too fast for the steps: the others go on beside it, and its error is that of a run of its own.
+    let mut stiff = nominal.values().to_vec();
+    m.parameter_indices("*.k[0]").unwrap().iter().for_each(|&i| stiff[i] *= 1e6);
+    let stiff = Params::from_values(&m, stiff);
+    for order in [[0, 1, 0, 0], [1, 0, 1, 1]] {
+        let sets = [(&nominal, z0.as_slice()), (&stiff, z0.as_slice())];
+        let out = simulate_reduced_batch(&m, &table, &order.map(|k| sets[k])).unwrap();
+        for (k, got) in order.into_iter().zip(out) {
+            match (got, simulate_reduced(&m, sets[k].0, &table, sets[k].1)) {
+                (Ok(got), Ok(want)) => assert_within!((&got.tau - &want.tau).amax(), 1e-11 * want.tau.amax()),
+                (Err(ReducedError::NotFinite { t, .. }), Err(ReducedError::NotFinite { t: alone, .. })) => {
+                    assert!(k == 1 && t < 0.5 * SAMPLING.samples as f64 * SAMPLING.sample_s);
+                    assert_within!((t - alone).abs(), 2.0 * SAMPLING.sample_s, "{t} {alone}");
+                }
+                (got, want) => panic!("{k}: {got:?} {want:?}"),
+            }
+        }
+    }
 }

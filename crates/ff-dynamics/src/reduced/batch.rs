@@ -1,7 +1,7 @@
 //! The reduced system for many parameter sets at once, one per lane: under one table of the arm, or each under its own.
 
 use crate::reduced::coupled;
-use crate::reduced::system::{Reduced, ReducedError, Response, check, integrate, simulate_reduced, write_lane};
+use crate::reduced::system::{Lost, Reduced, ReducedError, Response, check, integrate, simulate_reduced, write_lane};
 use crate::reduced::table::{ArmSource, OnePerLane, Prescribed};
 use ff_model::scalar::LaneScalar;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch, gather};
@@ -11,8 +11,9 @@ use ff_model::{Model, Params};
 /// [`simulate_reduced`] for many parameter sets and initial states under one joint motion, as many at a time as the
 /// machine has lanes (eight with AVX-512, four otherwise).
 ///
-/// The results are those of single runs to rounding (the lanes use fused multiply-adds). Sets that share their lanes
-/// with one that fails are run again alone, so that each gets its own result. Allocates results and buffers.
+/// The results are those of single runs to rounding (the lanes use fused multiply-adds). Each set gets its own result: where the state of one is no
+/// longer finite, those that share its lanes go on; where a mass matrix is not positive definite, they are run again alone. Allocates results and
+/// buffers.
 ///
 /// # Errors
 /// [`ReducedError::NotFreeFloating`]; what goes wrong with one set is in its own result.
@@ -82,7 +83,7 @@ impl LaneTask for Batch<'_> {
         let mut all = Vec::with_capacity(runs.len());
         for group in runs.chunks(L::N) {
             match together::<L, _>(model, table, group.len(), |i| group[i]) {
-                Some(together) => all.extend(together.into_iter().map(Ok)),
+                Some(together) => all.extend(together),
                 None => all.extend(group.iter().map(|&(p, z)| simulate_reduced(model, p, table, z))),
             }
         }
@@ -104,7 +105,7 @@ impl LaneTask for OwnTables<'_> {
         for group in runs.chunks(L::N) {
             let tables: Vec<&Prescribed> = (0..L::N).map(|l| group[l.min(group.len() - 1)].1).collect();
             match together::<L, _>(model, &OnePerLane(&tables), group.len(), |i| (group[i].0, group[i].2)) {
-                Some(together) => all.extend(together.into_iter().map(Ok)),
+                Some(together) => all.extend(together),
                 None => all.extend(group.iter().map(|&(p, table, z)| simulate_reduced(model, p, table, z))),
             }
         }
@@ -112,14 +113,14 @@ impl LaneTask for OwnTables<'_> {
     }
 }
 
-/// A group of runs, one per lane; one that is not full repeats its last. `None` for a single run, and where one fails.
+/// A group of runs, one per lane; one that is not full repeats its last. `None` for a single run, and where a mass matrix is not positive definite.
 #[inline(always)]
 fn together<'a, L: LaneScalar, S: ArmSource<L>>(
     model: &Model,
     source: &S,
     count: usize,
     run: impl Fn(usize) -> (&'a Params<f64>, &'a [f64]),
-) -> Option<Vec<Response>> {
+) -> Option<Vec<Result<Response, ReducedError>>> {
     if count == 1 {
         return None;
     }
@@ -133,10 +134,15 @@ fn together<'a, L: LaneScalar, S: ArmSource<L>>(
     let mut plain = vec![0.0; 12 + 3 * m + nj];
     let mut sys = Reduced::<L, S>::new(model, &params, source);
     let samples = source.layout().samples;
-    let done = integrate(&mut sys, &z0, 0..samples, |i, z, u, tau| {
+    let mut lost: Lost = Default::default();
+    let done = integrate(&mut sys, &z0, 0..samples, Some(&mut lost), |i, z, u, tau| {
         for (lane, out) in out.iter_mut().enumerate() {
             write_lane(out, &mut plain, lane, (i, m), z, u, tau);
         }
     });
-    done.ok().map(|_| out)
+    // Where all are lost, what is left of the integration says nothing.
+    if done.is_err() && lost[..count].iter().any(Option::is_none) {
+        return None;
+    }
+    Some(out.into_iter().zip(lost).map(|(response, lost)| lost.map_or(Ok(response), Err)).collect())
 }

@@ -19,7 +19,7 @@ use crate::reduced::table::{Arm, ArmSource, Frame, Prescribed, Site, products};
 use crate::tree::condense;
 use crate::work::port_work::PortWork;
 use core::ops::Range;
-use ff_lanes::Kernel;
+use ff_lanes::{Kernel, WIDEST};
 use ff_model::scalar::lanes::{LaneTask, dispatch_one, splat};
 use ff_model::scalar::{LaneScalar, ModelScalar};
 use ff_model::spatial::vec3::{M3, PackedInertia, V3};
@@ -340,7 +340,7 @@ impl LaneTask for Single<'_> {
         let params = params.lift::<L>(model);
         let mut sys = Reduced::new(model, &params, table);
         let mut plain = vec![0.0; 12 + 3 * m + model.nj()];
-        let last = integrate(&mut sys, &splat::<L>(z), span, |i, z, u, tau| {
+        let last = integrate(&mut sys, &splat::<L>(z), span, None, |i, z, u, tau| {
             write_lane(&mut out, &mut plain, 0, (i, m), z, u, tau);
         })?;
         z.iter_mut().zip(&last).for_each(|(z, x)| *z = x.lane(0));
@@ -366,21 +366,27 @@ pub(crate) fn write_lane<L: LaneScalar>(
     out.write(i, m, z, u, tau);
 }
 
-/// Classical RK4 over samples of the table; `write(sample, z, u, tau)` at each, counted from the first of them. The state at the end.
+/// Classical RK4 over samples of the table; `write(sample, z, u, tau)` at each, counted from the first of them. The state at the end. With a place
+/// for what fails in each lane, the others go on where the state of one is no longer finite.
 #[inline(always)]
 pub(crate) fn integrate<T: LaneScalar, S: ArmSource<T>>(
     sys: &mut Reduced<'_, T, S>,
     z0: &[T],
     span: Range<usize>,
+    lost: Option<&mut Lost>,
     write: impl FnMut(usize, &[T], &[T], &[T]),
 ) -> Result<Vec<T>, ReducedError> {
-    T::enter(Integrate { sys, z0, span, write })
+    T::enter(Integrate { sys, z0, span, lost, write })
 }
+
+/// What failed in each lane.
+pub(crate) type Lost = [Option<ReducedError>; WIDEST];
 
 struct Integrate<'a, 'b, T: LaneScalar, S, F> {
     sys: &'a mut Reduced<'b, T, S>,
     z0: &'a [T],
     span: Range<usize>,
+    lost: Option<&'a mut Lost>,
     write: F,
 }
 
@@ -388,17 +394,27 @@ impl<T: LaneScalar, S: ArmSource<T>, F: FnMut(usize, &[T], &[T], &[T])> Kernel f
     type Output = Result<Vec<T>, ReducedError>;
     #[inline(always)]
     fn run(self) -> Self::Output {
-        let Self { sys, z0, span, mut write } = self;
+        let Self { sys, z0, span, mut lost, mut write } = self;
         let table = sys.table;
         let mut rk = Rk4::new(sys.model, z0);
         let last = (table.samples - 1) * table.substeps;
         // One call of `stage`: it is inlined, once per instruction set.
         for step in span.start * table.substeps..(span.end * table.substeps).min(last + 1) {
+            if let Some(lost) = lost.as_ref().filter(|lost| lost.iter().any(Option::is_some)) {
+                rk.rest(lost);
+            }
             for stage in 0..4 {
                 let t = table.start_s() + 0.5 * table.step * (2 * step + STAGE[stage]) as f64;
-                rk.stage(sys, step, stage).map_err(|_| ReducedError::Singular { t })?;
-                if stage == 0 && step % table.substeps == 0 {
-                    rk.sample(sys, step / table.substeps)?;
+                let sample = stage == 0 && step % table.substeps == 0;
+                loop {
+                    let done = rk.stage(sys, step, stage).map_err(|_| rk.failure(t, table.step));
+                    let done = done.and_then(|()| if sample { rk.sample(sys, step / table.substeps) } else { Ok(()) });
+                    let Err(e) = done else { break };
+                    if !lost.as_mut().is_some_and(|lost| rk.goes_on(lost, &e)) {
+                        return Err(e);
+                    }
+                }
+                if sample {
                     write(step / table.substeps - span.start, &rk.zs, &rk.u, &rk.tau);
                     if step == last {
                         break;
@@ -450,6 +466,41 @@ impl<T: ModelScalar> Rk4<T> {
             *s = if stage == 0 { z } else { c.mul_add(k, z) };
         }
         sys.accelerate(node, &self.zs, &mut self.u)
+    }
+    /// Why a stage cannot be evaluated.
+    #[cold]
+    fn failure(&self, t: f64, step: f64) -> ReducedError {
+        let finite = self.zs.iter().all(|x| x.is_finite());
+        if finite { ReducedError::Singular { t } } else { ReducedError::NotFinite { t, step } }
+    }
+    /// Keeps lanes that are lost at rest.
+    #[cold]
+    #[inline(never)]
+    fn rest(&mut self, lost: &Lost)
+    where
+        T: LaneScalar,
+    {
+        for lane in (0..T::N).filter(|&lane| lost[lane].is_some()) {
+            self.z.iter_mut().for_each(|x| x.set_lane(lane, 0.0));
+        }
+    }
+    /// Puts lanes whose state is no longer finite at rest, and says whether that leaves any.
+    #[cold]
+    #[inline(never)]
+    fn goes_on(&mut self, lost: &mut Lost, why: &ReducedError) -> bool
+    where
+        T: LaneScalar,
+    {
+        let mut some = false;
+        for (lane, lost) in lost[..T::N].iter_mut().enumerate() {
+            if self.zs.iter().any(|x| !x.lane(lane).is_finite()) {
+                lost.get_or_insert_with(|| why.clone());
+                let all = [&mut self.z, &mut self.zs, &mut self.k, &mut self.sum];
+                all.into_iter().flatten().for_each(|x| x.set_lane(lane, 0.0));
+                some = true;
+            }
+        }
+        some && lost[..T::N].iter().any(Option::is_none)
     }
     /// Joint torques at a sample, and whether the state is finite there; after its stage 0.
     #[inline(always)]
