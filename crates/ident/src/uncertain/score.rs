@@ -154,7 +154,7 @@ pub(crate) fn folded(
 ) -> Result<(DMatrix<f64>, usize), EvalError> {
     let n = at.base.len();
     let (mut triangle, mut rows) = (DMatrix::zeros(0, n + 1), 0);
-    let mut block = RowBlock::default();
+    let (mut block, mut base) = (RowBlock::default(), DMatrix::zeros(0, n + 1));
     for mut stream in estimator.streams(at.full, at.extra, at.selected)? {
         while stream.next(&mut block)? {
             if let Some(of_fit) = at.residuals {
@@ -165,7 +165,9 @@ pub(crate) fn folded(
                 }
             }
             rows += block.count();
-            let mut base = DMatrix::zeros(block.count(), n + 1);
+            if base.nrows() != block.count() {
+                base = DMatrix::zeros(block.count(), n + 1);
+            }
             at.base.iter().enumerate().for_each(|(to, (all, _))| gather(&block, all, &mut base, to));
             base.column_mut(n).copy_from_slice(&block.residuals);
             each(&block, &base);
@@ -183,10 +185,15 @@ pub(crate) fn folded(
     Ok((ff_linalg::qr_r(&stack(&triangle, &tail)).map_err(fatal)?, rows))
 }
 
-/// Adds a combination of columns to one of `to`.
-fn gather(block: &RowBlock, all: &Combination, to: &mut DMatrix<f64>, column: usize) {
-    for &(from, weight) in all {
-        to.column_mut(column).axpy(weight, &block.jacobian.column(from), 1.0);
+/// Puts a combination of columns into one of `to`.
+fn gather(block: &RowBlock, all: &[(usize, f64)], to: &mut DMatrix<f64>, column: usize) {
+    let mut to = to.column_mut(column);
+    if all.is_empty() {
+        to.fill(0.0);
+    }
+    // What stood there before is not looked at.
+    for (k, &(from, weight)) in all.iter().enumerate() {
+        to.axpy(weight, &block.jacobian.column(from), if k == 0 { 0.0 } else { 1.0 });
     }
 }
 
@@ -217,14 +224,16 @@ impl Scores {
         let mut own = DMatrix::zeros(c, c + m + 1);
         let mut drawn_rows = DMatrix::zeros(estimator.rows(), m);
         let left_out = estimator.left_out();
+        let mut wide = DMatrix::zeros(0, c + m + 1);
         let (triangle, rows) = folded(estimator, at, &mut |block, base| {
-            let mut wide = DMatrix::zeros(block.count(), c + m + 1);
+            if wide.nrows() != block.count() {
+                wide = DMatrix::zeros(block.count(), c + m + 1);
+            }
             // A block has rows of one record.
             let first = block.rows.first().map_or(0, |r| r.start);
             for (to, d) in components.iter().enumerate() {
-                if d.rows.as_ref().is_none_or(|r| r.contains(&first)) {
-                    gather(block, &d.columns, &mut wide, to);
-                }
+                let has = d.rows.as_ref().is_none_or(|r| r.contains(&first));
+                gather(block, if has { &d.columns } else { &[] }, &mut wide, to);
             }
             for (k, &from) in draws.iter().enumerate() {
                 wide.set_column(c + k, &block.jacobian.column(from));
