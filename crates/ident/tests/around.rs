@@ -2,12 +2,13 @@
 
 use crate::common::estimate;
 use crate::common::*;
+use ff_dynamics::{Drive, SimOptions, State, simulate};
 use ff_least_squares::Settings;
 use ff_model::Params;
 use ff_records::{Record, RecordBuilder};
 use ff_testkit::assert_within;
 use ident::belief::Sigma;
-use ident::estimate::{Around, Direction, Estimate};
+use ident::estimate::{Around, Direction, Estimate, Steps};
 use ident::parameters::offset_start;
 use ident::parameters::select;
 use ident::uncertain::ErrorSource;
@@ -75,6 +76,67 @@ fn the_cost_near_the_end_of_a_fit_is_that_of_all_rows() {
     assert_within!((&there.0 - &beside.0).norm(), 1e-3 * there.0.norm());
     assert_within!((&there.1 - &beside.1).norm(), 1e-5 * there.1.norm());
     like_all_rows(&request, &e, &mut all, near);
+}
+
+/// Steps are as long as tell of every direction what all rows do, and finer ones predict where modes are too fast for them.
+#[test]
+fn steps_are_as_long_as_the_data_allow() {
+    let l = paper("flex.toml");
+    let decls = l.model.param_decls();
+    let mut truth = Params::<f64>::nominal(&l.model).values().to_vec();
+    // Outer hinges so stiff that they hardly ring.
+    let outer = select(&decls, &["panel_*.k[1]"]).unwrap();
+    outer.iter().for_each(|&i| truth[i] *= 60.0);
+    let (p, o) =
+        (Params::from_values(&l.model, truth.clone()), SimOptions { duration_s: 30.0, step_s: 1e-3, sample_s: 0.01 });
+    let motion = planned(&l, 30.0, 10);
+    let trace = simulate(&l.model, &p, &State::zero(&l.model), &Drive::Prescribed(&motion), &o).unwrap();
+    let record = noisy(&l, &exact(&l, &trace), 5);
+    let selected = select(&decls, &["base.*", "panel_*.k[0]", "panel_*.d[0]"]).unwrap();
+    let start = offset_start(&decls, &truth, &selected, 0.05, 7);
+    let options = Options { substeps: 1, gyro_bias: true, torque_bias: true, ..Options::new(NOISE) };
+    let new = || OutputError::new(&l.model, &record, &options).unwrap();
+    let (mut all, other) = (new(), new());
+    let settings = Settings { decrement_tolerance: 1e-12, cost_floor: 1e-13, ..Settings::default() };
+    let request = Request { settings, ..Request::new(&decls, &selected, &start) };
+    let e = estimate(&request, &mut all).unwrap();
+    let (near, steps) = Around::thinnest(&request, &e, &other, |_| false).unwrap().unwrap();
+    let followed = other.coarse(&e.values).map_or(all.rows(), |coarse| coarse.estimator.rows());
+    assert!(3 * near.rows() < followed, "{} of {followed}", near.rows());
+    let known = || std::sync::Arc::clone(near.centred());
+    let again = |e: &Estimate| Around::stepped_again(&request, e, (&other, steps), |_| false, known());
+    assert_eq!(again(&e).unwrap().rows(), near.rows());
+    let moved = Estimate { values: e.values.iter().map(|x| 1.01 * x).collect(), ..e.clone() };
+    assert!(again(&moved).is_none());
+    // Springs so stiff that the long steps predict nothing: what the finer ones do is what all rows do.
+    let inner = *selected.iter().find(|&&i| decls[i].name.contains(".k[")).unwrap();
+    let stiff = |by: f64| {
+        let mut at = e.values.clone();
+        outer.iter().for_each(|&i| at[i] *= by);
+        at[inner] *= 1.02;
+        at
+    };
+    let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
+    let places = [stiff(8.5), stiff(1.02), stiff(6.5)];
+    let mut near = again(&e).unwrap();
+    let long = other.stepped(&e.values, Steps { per_period: steps, each_in: 1 }).unwrap();
+    let (mut long, mut s) = (long.estimator, vec![0.0; near.rows()]);
+    let told = places.each_ref().map(|at| long.residuals(at, &extra, &mut s).is_ok());
+    assert_eq!(told, [false, true, false]);
+    let at = places.each_ref().map(|at| (&at[..], &extra[..]));
+    let mut rows = vec![vec![0.0; near.rows()]; 3];
+    let mut to: Vec<&mut [f64]> = rows.iter_mut().map(|r| &mut r[..]).collect();
+    assert!(near.residuals_at(&at, &mut to).iter().all(Result::is_ok));
+    for (at, side_by_side) in places.iter().zip(&rows) {
+        let mut r = vec![0.0; all.rows()];
+        all.residuals(at, &extra, &mut r).unwrap();
+        let (rise, thin) = (squares(&r) - e.objective, squares(side_by_side) + near.centred().beyond - e.objective);
+        assert!(rise > 20.0);
+        assert_within!((rise - thin).abs(), 0.02 * rise + 0.1, "{rise} {thin}");
+        near.residuals(at, &extra, &mut s).unwrap();
+        assert_within!(squares(&s) - squares(side_by_side), 1e-9 * squares(&s));
+    }
+    like_all_rows(&request, &e, &mut all, again(&e).unwrap());
 }
 
 /// The cost of fewer rows is that of all of them, and a fit on it ends where theirs does.

@@ -2,7 +2,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::Direction;
-use crate::estimate::estimator::{At, Coarse, Estimator, columns_by_directions};
+use crate::estimate::estimator::{At, Coarse, Estimator, Steps, columns_by_directions};
 use crate::estimate::row_stream::{RowBlock, RowStream, weigh};
 use ff_least_squares::EvalError;
 use ff_records::Mask;
@@ -47,6 +47,9 @@ impl<E: Estimator> Estimator for Masked<E> {
     }
     fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
         Some(self.over_less(self.inner.rough(full)?))
+    }
+    fn stepped(&self, full: &[f64], steps: Steps) -> Option<Coarse<'_>> {
+        Some(self.over_less(self.inner.stepped(full, steps)?))
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         Some(self.over_less(self.inner.beginning(share)?))

@@ -7,7 +7,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::Direction;
-use crate::estimate::estimator::{At, Between, Coarse, Estimator, columns_by_directions};
+use crate::estimate::estimator::{At, Between, Coarse, Estimator, Steps, columns_by_directions};
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use core::ops::Range;
 use ff_least_squares::EvalError;
@@ -283,6 +283,11 @@ impl Estimator for Several<'_> {
     }
     fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
         let thin = self.parts.iter().enumerate().map(|(k, p)| p.rough(&self.shared.of_record(k, full))).collect();
+        self.over_less(thin, |part| part.beginning(1.0))
+    }
+    fn stepped(&self, full: &[f64], steps: Steps) -> Option<Coarse<'_>> {
+        let own = |k: usize| self.shared.of_record(k, full);
+        let thin = self.parts.iter().enumerate().map(|(k, p)| p.stepped(&own(k), steps)).collect();
         self.over_less(thin, |part| part.beginning(1.0))
     }
     /// A part of which so little says nothing begins with more of it.

@@ -2,7 +2,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::Direction;
-use crate::estimate::estimator::{At, Coarse, Estimator, columns_by_directions};
+use crate::estimate::estimator::{At, Coarse, Estimator, Steps, columns_by_directions};
 use crate::estimate::row_stream::RowStream;
 use ff_least_squares::EvalError;
 use nalgebra::DMatrix;
@@ -67,6 +67,9 @@ impl<E: Estimator, S: Substitution> Estimator for Substituted<E, S> {
     }
     fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
         Some(self.around(self.inner.rough(&self.by.parameters(full).ok()?)?))
+    }
+    fn stepped(&self, full: &[f64], steps: Steps) -> Option<Coarse<'_>> {
+        Some(self.around(self.inner.stepped(&self.by.parameters(full).ok()?, steps)?))
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         Some(self.around(self.inner.beginning(share)?))

@@ -18,19 +18,26 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::Direction;
-use crate::estimate::estimator::{At, Coarse, Estimator};
+use crate::estimate::estimator::{At, Coarse, Estimator, Steps};
 use crate::estimate::outcome::Estimate;
 use crate::estimate::request::Request;
 use crate::estimate::row_stream::weigh;
 use crate::solve::loss::Loss;
 use crate::solve::normal::Normal;
 use ff_least_squares::EvalError;
-use ff_linalg::tr_mul;
+use ff_linalg::{gram, tr_mul};
 use nalgebra::{DMatrix, DVector, DVectorView};
 use std::sync::Arc;
 
 /// Corrections of the slope: what priors hold takes the second.
 const CORRECTIONS: usize = 2;
+
+/// Steps per period of the fastest mode that are tried, one after another: the method is stable down to 2.2.
+const PER_PERIOD: [f64; 4] = [2.5, 3.5, 5.0, 7.0];
+/// In how many steps for each of these a place is predicted whose modes are too fast for them.
+const FINER: usize = 3;
+/// Relative difference, in any direction, of what fewer rows tell from what all do. Over the width of an interval chi-squared is then off by as much of four.
+const AGREES: f64 = 0.01;
 
 /// The point around which all data are told by fewer rows.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +50,8 @@ pub(crate) struct Centre<'c> {
     pub(crate) residuals: &'c [f64],
     /// What is known of the slope there.
     pub(crate) slope: Slope<'c>,
+    /// Covariance that all rows leave there ([`AGREES`]), where fewer rows must tell as much.
+    pub(crate) covariance: Option<&'c DMatrix<f64>>,
 }
 
 /// `J^T r` of all rows, over the selected parameters and the nuisance unknowns.
@@ -59,7 +68,16 @@ pub(crate) enum Slope<'c> {
 /// Fewer rows with the cost of all of them near a point.
 pub struct Around<'a> {
     thin: Box<dyn Estimator + 'a>,
+    /// The same rows in finer steps, for places where nothing is predicted in those.
+    finer: Option<Finer<'a>>,
     of: Arc<Centred>,
+}
+
+/// See [`FINER`].
+struct Finer<'a> {
+    thin: Box<dyn Estimator + 'a>,
+    /// What is added to its weighted residuals, once it has been asked: they differ at the point by what long steps are off.
+    offset: Option<Vec<f64>>,
 }
 
 /// What [`Around`] knows of its point: made once, it serves every look around that ([`Around::again`]).
@@ -90,6 +108,13 @@ impl Centred {
     }
 }
 
+impl<'c> Centre<'c> {
+    /// The end of a fit, with its nuisance unknowns.
+    fn end(e: &'c Estimate, extra: &'c [f64]) -> Self {
+        Self { values: &e.values, extra, residuals: &e.residuals, slope: Slope::End, covariance: None }
+    }
+}
+
 impl<'a> Around<'a> {
     /// Around the end of a fit of `request`; `stays` are parameters, by index, whose columns are taken from there. `None` where there is no
     /// look at fewer data, or under a robust loss. Allocates the Jacobian of the thinned record.
@@ -103,8 +128,42 @@ impl<'a> Around<'a> {
         stays: impl Fn(usize) -> bool,
     ) -> Result<Option<Self>, EvalError> {
         let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
-        let centre = Centre { values: &e.values, extra: &extra, residuals: &e.residuals, slope: Slope::End };
-        Self::of_point(request, centre, thin, stays)
+        Self::of_point(request, Centre::end(e, &extra), thin, stays)
+    }
+    /// As [`Around::new`], in the longest steps in which fewer rows tell of every direction what all of them do, to a hundredth; steps per period of the
+    /// fastest mode beside it, for [`Around::stepped_again`]. Where modes are too fast for these somewhere around, that place is predicted in finer ones. `None` where
+    /// there are no such steps.
+    ///
+    /// # Errors
+    /// [`EvalError`].
+    pub fn thinnest<E: Estimator + ?Sized>(
+        request: &Request<'_>,
+        e: &Estimate,
+        of: &'a E,
+        stays: impl Fn(usize) -> bool,
+    ) -> Result<Option<(Self, f64)>, EvalError> {
+        if !e.data_only.full_rank() {
+            return Ok(None);
+        }
+        let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
+        let centre = Centre { covariance: Some(&e.data_only.covariance), ..Centre::end(e, &extra) };
+        let mut rows = 0;
+        for per_period in PER_PERIOD {
+            // Steps that are cut to the same number of samples have been tried.
+            let thin = of.stepped(&e.values, Steps { per_period, each_in: 1 });
+            let Some(thin) = thin.filter(|thin| thin.estimator.rows() != rows) else { continue };
+            rows = thin.estimator.rows();
+            match Self::of_point(request, centre, thin, &stays) {
+                Ok(Some(around)) => {
+                    let finer = Finer::new(&e.values, of, per_period);
+                    return Ok(Some((Self { finer, ..around }, per_period)));
+                }
+                // Steps in which a mode is not stable predict nothing.
+                Ok(None) | Err(EvalError::Rejected(_)) => {}
+                Err(e) => return Err(e),
+            }
+        }
+        Ok(None)
     }
     /// As [`Around::new`], around any point.
     ///
@@ -135,6 +194,9 @@ impl<'a> Around<'a> {
         let (mut r, mut j) = (vec![0.0; rows], DMatrix::zeros(rows, request.selected.len() + e.extra.len()));
         thin.jacobian(e.values, e.extra, request.selected, &mut r, &mut j)?;
         j.column_iter_mut().for_each(|mut c| weigh(c.iter_mut(), &roots));
+        if e.covariance.is_some_and(|all| !tells(request, &j, all)) {
+            return Ok(None);
+        }
         let mut gathered = DVector::from_iterator(rows, sums.iter().zip(&roots).map(|(s, w)| s / w));
         if correct(request, e, &j, &mut gathered).is_none() {
             return Ok(None);
@@ -145,7 +207,7 @@ impl<'a> Around<'a> {
         let (values, extra, selected) = (e.values.to_vec(), e.extra.to_vec(), request.selected.to_vec());
         let residuals = gathered.as_slice().to_vec();
         let of = Centred { roots, offset, held, beyond, values, extra, selected, residuals, jacobian: j };
-        Ok(Some(Self { thin, of: Arc::new(of) }))
+        Ok(Some(Self { thin, finer: None, of: Arc::new(of) }))
     }
     /// As [`Around::new`], with what an earlier one of the same request has found out about the end of its fit. `None` where it is of another
     /// end, of other columns or of other rows. Does not allocate.
@@ -162,13 +224,42 @@ impl<'a> Around<'a> {
             && of.selected == request.selected
             && of.held.iter().copied().eq(request.selected.iter().copied().filter(|&i| stays(i)))
             && of.roots.len() == thin.estimator.rows();
-        alike.then_some(Self { thin: thin.estimator, of })
+        alike.then_some(Self { thin: thin.estimator, finer: None, of })
+    }
+    /// [`Around::again`] for one of [`Around::thinnest`].
+    #[must_use]
+    pub fn stepped_again<E: Estimator + ?Sized>(
+        request: &Request<'_>,
+        e: &Estimate,
+        (estimator, per_period): (&'a E, f64),
+        stays: impl Fn(usize) -> bool,
+        of: Arc<Centred>,
+    ) -> Option<Self> {
+        let thin = estimator.stepped(&e.values, Steps { per_period, each_in: 1 })?;
+        let finer = Finer::new(&e.values, estimator, per_period);
+        Some(Self { finer, ..Self::again(request, e, thin, stays, of)? })
     }
     /// What it knows of its point.
     #[must_use]
     pub fn centred(&self) -> &Arc<Centred> {
         &self.of
     }
+}
+
+/// Whether these columns, with what else the covariance knows, leave that covariance in every direction, to [`AGREES`].
+fn tells(request: &Request<'_>, j: &DMatrix<f64>, covariance: &DMatrix<f64>) -> bool {
+    let Ok(mut information) = gram(j) else { return false };
+    for (column, i) in request.selected.iter().enumerate() {
+        let given = request.marginal.iter().filter(|m| m.0 == *i).map(|m| m.1.powi(-2));
+        information[(column, column)] += given.sum::<f64>();
+    }
+    let deviations = covariance.diagonal().map(f64::sqrt);
+    let in_deviations = |k: usize, other: usize| deviations[k] * deviations[other];
+    let unit = covariance.map_with_location(|a, b, c| c / in_deviations(a, b));
+    let Some(root) = unit.cholesky() else { return false };
+    let scaled = information.map_with_location(|a, b, x| x * in_deviations(a, b));
+    let both = root.l().tr_mul(&scaled) * root.l();
+    both.iter().all(|x| x.is_finite()) && both.symmetric_eigenvalues().iter().all(|x| (x - 1.0).abs() < AGREES)
 }
 
 /// Gives the cost at the point the slope that all data give it: at the end of a fit, none with that of the priors.
@@ -194,9 +285,46 @@ fn correct(request: &Request<'_>, e: Centre<'_>, j: &DMatrix<f64>, gathered: &mu
     gathered.iter().all(|x| x.is_finite()).then_some(())
 }
 
+impl<'a> Finer<'a> {
+    fn new<E: Estimator + ?Sized>(values: &[f64], of: &'a E, per_period: f64) -> Option<Self> {
+        let thin = of.stepped(values, Steps { per_period, each_in: FINER })?.estimator;
+        Some(Self { thin, offset: None })
+    }
+    /// Residuals that have the cost of all rows.
+    fn residuals_at(&mut self, of: &Centred, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
+        if self.offset.is_none() && !at.is_empty() {
+            let mut own = vec![0.0; of.roots.len()];
+            if let Err(e) = self.thin.residuals(&of.values, &of.extra, &mut own) {
+                let text = e.to_string();
+                return at.iter().map(|_| Err(EvalError::Rejected(text.clone()))).collect();
+            }
+            let weighed = own.iter().zip(of.residuals.iter().zip(&of.roots));
+            self.offset = Some(weighed.map(|(r, (c, w))| c - w * r).collect());
+        }
+        let done = self.thin.residuals_at(at, r);
+        r.iter_mut().for_each(|r| of.finish(r, self.offset.as_deref().unwrap_or_default()));
+        done
+    }
+}
+
+impl Centred {
+    fn finish(&self, r: &mut [f64], offset: &[f64]) {
+        r.iter_mut().zip(self.roots.iter().zip(offset)).for_each(|(r, (w, c))| *r = *r * w + c);
+    }
+}
+
 impl Around<'_> {
-    fn finish(&self, r: &mut [f64]) {
-        r.iter_mut().zip(self.of.roots.iter().zip(&self.of.offset)).for_each(|(r, (w, c))| *r = *r * w + c);
+    /// Residuals as they are handed over, from those of the long steps; in finer ones where these predict nothing.
+    fn finished(&mut self, done: Result<(), EvalError>, at: At<'_>, r: &mut [f64]) -> Result<(), EvalError> {
+        match (done, &mut self.finer) {
+            (Err(EvalError::Rejected(_)), Some(finer)) => {
+                finer.residuals_at(&self.of, &[at], &mut [r]).pop().unwrap_or(Ok(()))
+            }
+            (done, _) => {
+                self.of.finish(r, &self.of.offset);
+                done
+            }
+        }
     }
 }
 
@@ -208,13 +336,28 @@ impl Estimator for Around<'_> {
         self.thin.nuisance()
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
-        self.thin.residuals(full, extra, r)?;
-        self.finish(r);
-        Ok(())
+        let done = self.thin.residuals(full, extra, r);
+        self.finished(done, (full, extra), r)
     }
     fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
-        let done = self.thin.residuals_at(at, r);
-        r.iter_mut().for_each(|r| self.finish(r));
+        let mut done = self.thin.residuals_at(at, r);
+        let of = Arc::clone(&self.of);
+        let Some(finer) = &mut self.finer else {
+            r.iter_mut().for_each(|r| of.finish(r, &of.offset));
+            return done;
+        };
+        let too_fast = |done: &Result<(), EvalError>| matches!(done, Err(EvalError::Rejected(_)));
+        let (mut again, mut to) = (Vec::new(), Vec::new());
+        for ((done, at), r) in done.iter().zip(at).zip(r) {
+            if too_fast(done) {
+                again.push(*at);
+                to.push(&mut **r);
+            } else {
+                of.finish(r, &of.offset);
+            }
+        }
+        let by_finer = finer.residuals_at(&of, &again, &mut to);
+        done.iter_mut().filter(|done| too_fast(done)).zip(by_finer).for_each(|(done, finer)| *done = finer);
         done
     }
     fn jacobian(
@@ -236,8 +379,11 @@ impl Estimator for Around<'_> {
         let made: Vec<Direction> =
             along.iter().zip(&places).filter(|(_, held)| held.is_none()).map(|(d, _)| d.clone()).collect();
         let mut own = DMatrix::zeros(r.len(), made.len());
-        self.thin.jacobian_along(full, extra, &made, r, &mut own)?;
-        self.finish(r);
+        let done = self.thin.jacobian_along(full, extra, &made, r, &mut own);
+        if let (Err(EvalError::Rejected(_)), Some(finer)) = (&done, &mut self.finer) {
+            finer.thin.jacobian_along(full, extra, &made, r, &mut own)?;
+        }
+        self.finished(done, (full, extra), r)?;
         own.column_iter_mut().for_each(|mut c| weigh(c.iter_mut(), &of.roots));
         let mut next = own.column_iter();
         for (mut to, held) in j.column_iter_mut().zip(&places) {

@@ -74,16 +74,16 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
     let mut crept_there = false;
     if request.coarse {
         approach(request, estimator, &sizes_extra, &mut references, &mut place);
+    }
+    if request.coarse || request.led {
         // Where nothing can be predicted, the fit says so.
         let _ = estimator.refine(&place.full, &over(&place.nuisance), request.finer);
+    }
+    if place.iterations > 0 || request.led {
         crept_there = near_end::land(request, estimator, &sizes_extra, &mut references, &mut place);
     }
     let asked = request.settings.max_iterations;
-    let mut hopeful = unless_hopeless(request, estimator, &sizes_extra, &references, &place);
-    if crept_there {
-        // Other starts come first: what is wanted is what this one looks like.
-        hopeful.settings.max_iterations = 1;
-    }
+    let hopeful = unless_hopeless(request, estimator, &sizes_extra, &references, &place);
     let request = &hopeful;
     let threads = request.jacobian.threads(estimator.rows(), n + extra.len());
     let mut evaluated = Evaluated::new(threads);
@@ -92,14 +92,18 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
             near_end::hop(request, estimator, &sizes_extra, references, at, last)
         };
     let mut refined = 0;
-    let (transform, status) = loop {
+    let status = loop {
+        if crept_there {
+            // Other starts come first: what is wanted is what this one looks like.
+            break Status::IterationLimit;
+        }
         let all = (0.0, request.noise_of(estimator.rows()));
         let to_beat = request.to_beat;
         let way =
             Way { still: ANCHOR_MOVED, range: f64::INFINITY, all, to_beat, to_reach: None, near_end: Some(&mut hop) };
-        let end = settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, way)?;
+        let end = settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, way)?.1;
         // A fit that was given up is no place to ask for.
-        if request.finer == 0 || refined == REFINED || end.1 == Status::IterationLimit {
+        if request.finer == 0 || refined == REFINED || end == Status::IterationLimit {
             break end;
         }
         if !estimator.refine(&place.full, &over(&place.nuisance), request.finer).map_err(at_solution)? {
@@ -112,7 +116,7 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
     let crept = crept || (crept_there && status == Status::IterationLimit);
     let values_extra = over(&nuisance);
     let (rows, left_out) = (estimator.rows(), estimator.left_out());
-    let selected = transform.selected();
+    let selected = request.selected;
     // The last linearisation is the one at the solution, unless the last step was refused after it.
     let at = evaluated.at(estimator, selected, &full, &values_extra, request.loss).map_err(at_solution)?;
     let mut data = at.information()?;

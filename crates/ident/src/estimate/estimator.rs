@@ -178,12 +178,27 @@ pub trait Estimator {
     fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
         self.coarse(full)
     }
+    /// The same over fewer data in long steps, whether the fastest mode at `full` rings or not: who asks finds out whether what is left tells enough
+    /// ([`crate::estimate::Around`]). `None` where that is not less, and unless overridden.
+    fn stepped(&self, full: &[f64], steps: Steps) -> Option<Coarse<'_>> {
+        let _ = (full, steps);
+        None
+    }
     /// The same over the first `share` (0 to 1) of every record, if that is enough of it: where oscillations predicted and measured have
     /// not yet slipped by a period, [`crate::estimate()`] finds the way that it does not find over the whole. `None` unless overridden.
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         let _ = share;
         None
     }
+}
+
+/// Steps over less data ([`Estimator::stepped`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Steps {
+    /// Of which so many make a period of the fastest mode.
+    pub per_period: f64,
+    /// So many in place of each: the data stay the same, and are predicted where modes are faster by as much.
+    pub each_in: usize,
 }
 
 /// Unknowns at which a record is predicted: all parameters, and the nuisance unknowns.
@@ -279,6 +294,9 @@ macro_rules! pointer {
             }
             fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
                 (**self).rough(full)
+            }
+            fn stepped(&self, full: &[f64], steps: Steps) -> Option<Coarse<'_>> {
+                (**self).stepped(full, steps)
             }
             fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
                 (**self).beginning(share)

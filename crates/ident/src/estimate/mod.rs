@@ -31,7 +31,7 @@ pub use along::Direction;
 pub use around::{Around, Centred};
 pub use complete::{Complete, CompleteOptions};
 pub use estimation::{attempt, estimate};
-pub use estimator::{At, Between, Coarse, Estimator};
+pub use estimator::{At, Between, Coarse, Estimator, Steps};
 pub use ground::{
     Blocks, Calibrated, Elastic, Foretold, Friction, Ground, GroundEstimate, JointTerm, JointTorques, NearRest,
     TermChoice, smoothed,

@@ -60,7 +60,7 @@ pub(super) fn land(
     references: &mut Vec<Reference>,
     place: &mut Place,
 ) -> bool {
-    if !asked(request) || place.iterations == 0 {
+    if !asked(request) {
         return false;
     }
     let settings = Settings {
@@ -109,7 +109,7 @@ fn around(
     (residuals, slope): (&[f64], Slope<'_>),
 ) -> f64 {
     let extra = over(place, sizes);
-    let centre = Centre { values: &place.full, extra: &extra, residuals, slope };
+    let centre = Centre { values: &place.full, extra: &extra, residuals, slope, covariance: None };
     let Some(thin) = estimator.rough(&place.full) else { return 0.0 };
     let stays = |i: usize| request.marginal.iter().any(|m| m.0 == i);
     let Ok(Some(mut near)) = Around::of_point(request, centre, thin, stays) else { return 0.0 };

@@ -7,7 +7,7 @@
 
 use crate::belief::covariance::Unknown;
 use crate::estimate::along::{Direction, Straight, Sums};
-use crate::estimate::estimator::{At, Between, Coarse, Estimator, columns_by_directions};
+use crate::estimate::estimator::{At, Between, Coarse, Estimator, Steps, columns_by_directions};
 use crate::estimate::output_options::Options;
 use crate::estimate::output_rows::{OutputRows, Window};
 use crate::estimate::output_spans::{SPAN, SpanRows, Spans, failed};
@@ -263,6 +263,10 @@ impl<'a> OutputError<'a> {
     /// Over every so many samples ([`OutputError::stride`]); `rough` ones do not follow what hardly rings.
     fn over_fewer(&self, full: &[f64], rough: bool) -> Option<Coarse<'_>> {
         let (every, substeps) = self.stride(full, rough)?;
+        self.in_strides(every, substeps)
+    }
+    /// Over every so many samples, in so many steps from one to the next.
+    fn in_strides(&self, every: usize, substeps: usize) -> Option<Coarse<'_>> {
         let OutputRows { model, record, options, kinematics, initial, .. } = &self.rows;
         let record = if every > 1 { Cow::Owned(record.thinned(every).ok()?) } else { record.clone() };
         let (motion, options) = (self.tables.moving(), Options { substeps, step_error: None, ..options.clone() });
@@ -282,16 +286,21 @@ impl<'a> OutputError<'a> {
         let (per_period, fastest) = (PER_PERIOD.get(self.thinned)?, self.fastest(full)?);
         let (record, dt) = (&self.rows.record, self.rows.record.dt());
         let samples_per_step = 1.0 / (per_period * fastest * dt);
+        // Of a method of fourth order.
+        let suits = |every: &usize| self.error.is_some_and(|(e, steps)| e * ((every * steps) as f64).powi(4) < LONGER);
+        let longest = if rough { (1.0 / (FEWEST * fastest * dt)) as usize } else { 0 };
+        let most = (record.samples() / LEAST_SAMPLES).min(THINNEST);
+        let longer = (2..=longest.min(most)).rev().find(suits).unwrap_or(1);
+        self.strided(samples_per_step, longer)
+    }
+    /// How many samples steps of so many samples go on by, `least` or more, and steps per sample; `None` without modes.
+    fn strided(&self, samples_per_step: f64, least: usize) -> Option<(usize, usize)> {
         // NaN where there is no mode.
         if !samples_per_step.is_finite() {
             return None;
         }
-        let most = (record.samples() / LEAST_SAMPLES).min(THINNEST);
-        // Of a method of fourth order.
-        let suits = |every: &usize| self.error.is_some_and(|(e, steps)| e * ((every * steps) as f64).powi(4) < LONGER);
-        let longest = if rough { (1.0 / (FEWEST * fastest * dt)) as usize } else { 0 };
-        let longer = (2..=longest.min(most)).rev().find(suits).unwrap_or(1);
-        let every = (samples_per_step as usize).min(most).max(longer);
+        let most = (self.rows.record.samples() / LEAST_SAMPLES).min(THINNEST);
+        let every = (samples_per_step as usize).min(most).max(least);
         if every > 1 {
             return Some((every, 1));
         }
@@ -455,6 +464,12 @@ impl Estimator for OutputError<'_> {
     }
     fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
         self.over_fewer(full, true)
+    }
+    fn stepped(&self, full: &[f64], steps: Steps) -> Option<Coarse<'_>> {
+        let (every, substeps) =
+            self.strided(1.0 / (steps.per_period * self.fastest(full)? * self.rows.record.dt()), 1)?;
+        let less = every > 1 || substeps < self.steps();
+        less.then(|| self.in_strides(every, substeps * steps.each_in)).flatten()
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         let OutputRows { model, record, options, kinematics, initial, grid, .. } = &self.rows;

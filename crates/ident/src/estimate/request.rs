@@ -112,6 +112,9 @@ pub struct Request<'a> {
     /// Take the way to the answer over less data, where the estimator offers that ([`Estimator::coarse`](crate::Estimator::coarse)). The answer and its
     /// deviations are those of all data either way.
     pub coarse: bool,
+    /// Where that is not taken, and less data have led to the start: fewer rows with the cost of all of them go on from there ([`Request::near_end`]), so that
+    /// all data begin next to their end.
+    pub led: bool,
     /// Mean squared residual above which the end of the way over less data is taken to lead nowhere: all data are then linearised ten times only,
     /// since other starts find more in that time; for the same reason, a fit that creeps where its data are not explained is ended. None: data
     /// are linearised as often as the settings say.
@@ -151,6 +154,7 @@ impl<'a> Request<'a> {
             anchor: None,
             loss: Loss::Squares,
             coarse: true,
+            led: false,
             give_up: None,
             noise: 1.0,
             to_beat: None,

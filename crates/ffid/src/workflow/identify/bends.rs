@@ -70,14 +70,12 @@ pub(super) fn follow(
     if !answers(request, e) || request.prior_width.is_some() || !u.full_rank() {
         return Followed::Up(Vec::new());
     }
-    let near = estimator.around(request, e, |i| !is_asked(i));
-    let found = near.map(|(mut near, beyond)| {
-        Bend { request, e, u, down, least: e.objective - beyond }.followed(&is_asked, &mut near)
-    });
-    let found = match found {
-        Some(found) => found,
-        None => Bend { request, e, u, down, least: e.objective }.followed(&is_asked, estimator),
-    };
+    let found = estimator.around(
+        request,
+        e,
+        |i| !is_asked(i),
+        |near, beyond| Bend { request, e, u, down, least: e.objective - beyond }.followed(&is_asked, near),
+    );
     let (profiles, covariance) = match found {
         None => return Followed::Up(Vec::new()),
         Some(Err(place)) => return Followed::Down(place),

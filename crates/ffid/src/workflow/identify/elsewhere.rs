@@ -29,7 +29,9 @@ const EASED: [(f64, f64); 5] = [(1.0, 1.0), (3.0, 1.0), (1.0, 3.0), (1.0 / 3.0, 
 /// See [`EASED`]. Oscillations that die within periods cannot slip by periods.
 const DAMPED: f64 = 10.0;
 /// Factor on a spring up to which modes of a thinned record are allowed for: beyond, it has gone astray.
-const STIFFER: f64 = 3.0;
+pub(super) const STIFFER: f64 = 3.0;
+/// The same where the end of the fit itself cannot be followed otherwise.
+const STIFFEST: f64 = 30.0;
 /// Starts drawn at random.
 const RANDOM: usize = 6;
 /// Starts at lines of the residuals, at most.
@@ -60,6 +62,8 @@ const AGAIN: usize = 2;
 const LONGER: usize = 2;
 /// Linearisations of a pass after which it leads nowhere.
 const MOST: usize = 20;
+/// The same of the end itself, which all data have led to: what fewer make of it is next to it.
+const OWN: usize = 3;
 
 /// What a fit was of.
 pub(super) struct Subject<'a> {
@@ -142,7 +146,8 @@ fn one_round(
         // From what explains the thinned record, still less of it leads away.
         (best.values, request.coarse && !best.explains)
     };
-    match attempt(&Request { start: &start, centre: Some(request.start), coarse, ..request.clone() }, estimator) {
+    let led = !coarse && !answers;
+    match attempt(&Request { start: &start, centre: Some(request.start), coarse, led, ..request.clone() }, estimator) {
         // What has not ended is no answer where there is one, unless it is the better valley.
         Ok(e)
             if e.objective < first.objective
@@ -212,10 +217,16 @@ fn best_start(
     let wide_first = if far { !follows } else { !lost.is_empty() };
     starts.extend(if wide_first { [wide, near] } else { [near, wide] }.concat());
     let settings = of_a_try(request);
-    let led = |looked: &mut dyn Estimator| led_best(request, &settings, first, &starts, looked);
+    let led = |looked: &mut dyn Estimator, follows_end: bool| {
+        led_best(request, &settings, (first, follows_end), &starts, looked)
+    };
+    let thin = |up_to: f64, follows_end: bool| {
+        let mut thin = estimator.rough(&stiffest(request, &first.values, up_to))?;
+        led(&mut *thin.estimator, follows_end)
+    };
     // Where there is no thinner look at the record, or none that follows what is as fast as this, all of it leads.
-    let thin = estimator.rough(&stiffest(request, &first.values)).and_then(|mut c| led(&mut *c.estimator));
-    thin.or_else(|| led(estimator))
+    let found = thin(STIFFER, true).or_else(|| thin(STIFFEST, true)).or_else(|| thin(STIFFER, false));
+    found.or_else(|| led(estimator, false))
 }
 
 /// Whether a fit leaves no more than a twentieth of the signals.
@@ -243,28 +254,31 @@ impl Lead {
     }
 }
 
-/// Where the best of some starts leads, the end of the fit among them; `None` where nothing can be predicted.
+/// Where the best of some starts leads, the end of the fit among them; `None` where nothing can be predicted, or not that end and it must be.
 fn led_best(
     request: &Request<'_>,
     settings: &Solver,
-    first: &Estimate,
+    (first, follows_end): (&Estimate, bool),
     starts: &[Vec<f64>],
     looked: &mut dyn Estimator,
 ) -> Option<Lead> {
-    let mut lead = |start: &[f64], to_beat: Option<f64>| {
-        let settings = settings.clone();
+    let mut lead = |start: &[f64], to_beat: Option<f64>, max_iterations: usize| {
+        let settings = Solver { max_iterations, ..settings.clone() };
         let tried = Request { start, centre: Some(request.start), settings, to_beat, finer: ASIDE, ..request.clone() };
         attempt(&tried, looked)
     };
     // What the thinned record makes of the end itself is what the others are measured by. It has fewer readings, so that it may be explained
     // there: that ends nothing.
-    let mut best = lead(&first.values, None).ok().map(Lead::to);
+    let mut best = lead(&first.values, None, OWN).ok().map(Lead::to);
     let own = best.as_ref().map(|b| b.objective);
+    if follows_end && own.is_none() {
+        return None;
+    }
     // An end that the thinned record cannot follow, as where a spring has run away, has as much for every reading there as with all data.
     let by_reading = first.objective / first.residuals.len().max(1) as f64;
     for start in starts {
         let to_beat = best.as_ref().map_or(f64::INFINITY, |b| b.objective);
-        let Ok(mut e) = lead(start, Some(to_beat)) else { continue };
+        let Ok(mut e) = lead(start, Some(to_beat), settings.max_iterations) else { continue };
         let own = own.unwrap_or(by_reading * e.residuals.len() as f64);
         // One that is nearly there is led to its end, which is cheaper here than over all data. Far off, that may be the end of a wrong valley.
         for _ in 0..LONGER {
@@ -272,7 +286,7 @@ fn led_best(
             if !unfinished || e.objective >= (own - LOWER).min(to_beat) {
                 break;
             }
-            match lead(&e.values, Some(to_beat)) {
+            match lead(&e.values, Some(to_beat), settings.max_iterations) {
                 Ok(on) if on.objective < e.objective => e = on,
                 _ => break,
             }
@@ -325,11 +339,11 @@ fn eased(request: &Request<'_>, bodies: f64, springs: f64) -> Vec<f64> {
 }
 
 /// The start with every spring at least as stiff as in `other`: modes there are as fast as in either, which a thinned record has to follow. One
-/// that is [`STIFFER`] times stiffer there is no mode that anything should follow.
-pub(super) fn stiffest(request: &Request<'_>, other: &[f64]) -> Vec<f64> {
+/// that is stiffer there by more than a factor is no mode that anything should follow.
+pub(super) fn stiffest(request: &Request<'_>, other: &[f64], up_to: f64) -> Vec<f64> {
     let mut out = request.start.to_vec();
     for &i in request.selected.iter().filter(|&&i| is_spring(request, i)) {
-        if other[i] < STIFFER * out[i] {
+        if other[i] < up_to * out[i] {
             out[i] = out[i].max(other[i]);
         }
     }

@@ -31,7 +31,7 @@ const MOST: usize = 25;
 const SETTLED: f64 = 0.1;
 /// Linearisations after which what is still far from the data ([`WIDE`]) is not gone on with: a mission that the data allow is nearly where the
 /// way to it begins.
-const SHOWN: usize = 5;
+const SHOWN: usize = 3;
 
 /// Makes deviations cover the end of the fit at which what is hardly told is near the mission, if the data allow it. Allocates; takes up to
 /// [`MOST`] linearisations of fewer rows, and none where all springs and dampers are told.
@@ -46,13 +46,12 @@ pub(super) fn allow_for_mission(
     if !answers(request, e) || request.prior_width.is_some() || hardly.is_empty() || estimator.stopped() {
         return;
     }
-    let near = estimator.around(request, e, |i| !is_asked(i));
-    let looked =
-        near.map(|(mut near, beyond)| near_mission(request, e, &hardly, &mut near).map(|(f, cost)| (f, cost + beyond)));
-    let found = match looked {
-        Some(found) => found,
-        None => near_mission(request, e, &hardly, estimator),
-    };
+    let found = estimator.around(
+        request,
+        e,
+        |i| !is_asked(i),
+        |near, beyond| near_mission(request, e, &hardly, near).map(|(found, cost)| (found, cost + beyond)),
+    );
     if let Some((found, cost)) = found.filter(|(_, cost)| cost - e.objective < BESIDE) {
         let covariance = mixture::beside(e, &found, cost - e.objective);
         if let Some(covariance) = covariance {

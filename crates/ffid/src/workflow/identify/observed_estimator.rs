@@ -5,7 +5,7 @@ use super::labelled_record::LabelledRecord;
 use super::settings::Settings;
 use ff_least_squares::EvalError;
 use ident::belief::Unknown;
-use ident::estimate::{Around, At, Centred, Coarse, Estimate, RowStream};
+use ident::estimate::{Around, At, Centred, Coarse, Estimate, RowStream, Steps};
 use ident::{Estimator, Request};
 use nalgebra::DMatrix;
 use std::cell::{Cell, RefCell};
@@ -87,8 +87,8 @@ struct SharedState {
     best: RefCell<Option<(f64, Point)>>,
     /// The last linearisation over fewer of them.
     on_the_way: RefCell<Option<Point>>,
-    /// The last end of a fit that was looked around.
-    near: RefCell<Option<Arc<Centred>>>,
+    /// The last end of a fit that was looked around, and the steps per period of the fastest mode in which fewer rows do for that.
+    near: RefCell<Option<(Arc<Centred>, Option<f64>)>>,
 }
 
 /// Values of all parameters and of the nuisance unknowns.
@@ -178,9 +178,24 @@ impl<'a> ObservedEstimator<'a> {
     fn watched<'s>(&'s self, of: Coarse<'s>) -> Coarse<'s> {
         Coarse { estimator: Box::new(self.over_less(of.estimator)), ..of }
     }
-    /// All data near the end of a fit by fewer of their rows ([`Around`]), or by all of them where they are too few to be thinned, and their
-    /// cost there less that of these; columns of parameters that `stays` says stay. `None` where there is no such look.
-    pub(super) fn around(
+    /// What a look around the end of a fit finds, over fewer rows with the cost of all of them ([`Around`]): in steps as long as do for all that is told
+    /// there, or in those that follow the fastest mode. Where there are no fewer rows, over all of them. `look` is also told the cost of all rows at
+    /// the end less that of these; columns of parameters that `stays` says stay.
+    pub(super) fn around<T>(
+        &mut self,
+        request: &Request<'_>,
+        e: &Estimate,
+        stays: impl Fn(usize) -> bool,
+        look: impl Fn(&mut ObservedEstimator<'_>, f64) -> T,
+    ) -> T {
+        let found = self.near(request, e, stays).map(|(mut near, beyond)| look(&mut near, beyond));
+        match found {
+            Some(found) => found,
+            None => look(self, 0.0),
+        }
+    }
+    /// See [`ObservedEstimator::around`].
+    fn near(
         &self,
         request: &Request<'_>,
         e: &Estimate,
@@ -188,11 +203,21 @@ impl<'a> ObservedEstimator<'a> {
     ) -> Option<(ObservedEstimator<'_>, f64)> {
         let fewer = || self.inner.coarse(&e.values).or_else(|| self.inner.beginning(1.0));
         let known = self.state.near.borrow().clone();
-        let around = match known.and_then(|of| Around::again(request, e, fewer()?, &stays, of)) {
-            Some(around) => around,
-            None => Around::new(request, e, fewer()?, &stays).ok()??,
+        let again = known.and_then(|(of, steps)| {
+            let around = match steps {
+                Some(steps) => Around::stepped_again(request, e, (&*self.inner, steps), &stays, of),
+                None => Around::again(request, e, fewer()?, &stays, of),
+            };
+            Some((around?, steps))
+        });
+        let (around, steps) = match again {
+            Some(again) => again,
+            None => match Around::thinnest(request, e, &*self.inner, &stays).ok()? {
+                Some((around, steps)) => (around, Some(steps)),
+                None => (Around::new(request, e, fewer()?, &stays).ok()??, None),
+            },
         };
-        self.state.near.replace(Some(Arc::clone(around.centred())));
+        self.state.near.replace(Some((Arc::clone(around.centred()), steps)));
         let beyond = around.centred().beyond;
         Some((self.over_less(Box::new(around)), beyond))
     }
@@ -231,6 +256,9 @@ impl Estimator for ObservedEstimator<'_> {
     }
     fn rough(&self, full: &[f64]) -> Option<Coarse<'_>> {
         Some(self.watched(self.inner.rough(full)?))
+    }
+    fn stepped(&self, full: &[f64], steps: Steps) -> Option<Coarse<'_>> {
+        Some(self.watched(self.inner.stepped(full, steps)?))
     }
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         Some(self.watched(self.inner.beginning(share)?))

@@ -5,7 +5,7 @@
 //! a wing of three hinges ended at chi-squared per degree of freedom 1.0065 (1.0042 in the right order) with residuals that stand out at nothing but what tests of
 //! errors find. So where the record contradicts a fit that comes near it, the springs of each appendage are exchanged.
 
-use super::elsewhere::{LOWER, of_a_try, stiffest};
+use super::elsewhere::{LOWER, STIFFER, of_a_try, stiffest};
 use super::ends::{NOWHERE, explains, given_back, is_spring, owner};
 use super::observed_estimator::ObservedEstimator;
 use super::valleys::ASIDE;
@@ -50,7 +50,7 @@ pub(super) fn lower(request: &Request<'_>, end: &Estimate, estimator: &mut Obser
         };
         starts.iter().filter_map(one).collect::<Vec<_>>()
     };
-    let thin = estimator.rough(&stiffest(request, &end.values)).map(|mut c| led(&mut *c.estimator));
+    let thin = estimator.rough(&stiffest(request, &end.values, STIFFER)).map(|mut c| led(&mut *c.estimator));
     let mut ends = thin.unwrap_or_else(|| led(estimator));
     ends.sort_by(|a, b| a.objective.total_cmp(&b.objective));
     // Long steps over few samples leave more in one order than in another, and a try may still be on its way: all data choose.

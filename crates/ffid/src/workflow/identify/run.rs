@@ -377,7 +377,7 @@ fn followed(
             Followed::Down(start) => start,
         };
         let centre = Some(request.centre.unwrap_or(request.start));
-        let on = Request { start: &start, centre, coarse: false, finer: ASIDE, ..request.clone() };
+        let on = Request { start: &start, centre, coarse: false, led: true, finer: ASIDE, ..request.clone() };
         match attempt(&on, estimator) {
             Ok(e) if e.is_solution() && e.objective < ending.estimate.objective - bends::LOWER => {
                 *ending = best_valley(request, gone_on(e, &ending.estimate, request), of, estimator);

@@ -113,26 +113,27 @@ pub(super) fn best_valley(
     if !answers(request, &first) {
         return Ending::single(first);
     }
-    let mut search = Search {
+    let mut search = estimator.around(
         request,
-        of,
-        ends: vec![first],
-        best: 0,
-        used: 0,
-        looks: 0,
-        tried: 1,
-        followed: Vec::new(),
-        unresolved: Vec::new(),
-    };
-    let near = estimator.around(request, &search.ends[0], |i| !of.unknowns.is_asked(i));
-    let looked = near.map(|(mut near, beyond)| {
-        search.ends[0].objective -= beyond;
-        search.run(&mut near);
-        search.ends.iter_mut().for_each(|e| e.objective += beyond);
-    });
-    if looked.is_none() {
-        search.run(estimator);
-    }
+        &first,
+        |i| !of.unknowns.is_asked(i),
+        |near, beyond| {
+            let mut search = Search {
+                request,
+                of,
+                ends: vec![Estimate { objective: first.objective - beyond, ..first.clone() }],
+                best: 0,
+                used: 0,
+                looks: 0,
+                tried: 1,
+                followed: Vec::new(),
+                unresolved: Vec::new(),
+            };
+            search.run(near);
+            search.ends.iter_mut().for_each(|e| e.objective += beyond);
+            search
+        },
+    );
     search.settle(estimator);
     search.outcome()
 }
@@ -201,9 +202,10 @@ impl Search<'_> {
         let other = std::mem::take(&mut self.best);
         let start = self.ends[other].values.clone();
         let centre = Some(self.request.centre.unwrap_or(self.request.start));
-        let Ok(e) =
-            attempt(&Request { start: &start, centre, coarse: false, finer: ASIDE, ..self.request.clone() }, estimator)
-        else {
+        let Ok(e) = attempt(
+            &Request { start: &start, centre, coarse: false, led: true, finer: ASIDE, ..self.request.clone() },
+            estimator,
+        ) else {
             return;
         };
         self.used += e.iterations;
