@@ -202,7 +202,7 @@ impl<'a> Around<'a> {
             return Ok(None);
         }
         let beyond = e.residuals.iter().map(|r| r * r).sum::<f64>() - gathered.norm_squared();
-        let offset = gathered.iter().zip(r.iter().zip(&roots)).map(|(c, (r, w))| c - w * r).collect();
+        let offset = offset(gathered.as_slice(), &r, &roots);
         let held = request.selected.iter().copied().filter(|&i| stays(i)).collect();
         let (values, extra, selected) = (e.values.to_vec(), e.extra.to_vec(), request.selected.to_vec());
         let residuals = gathered.as_slice().to_vec();
@@ -290,21 +290,23 @@ impl<'a> Finer<'a> {
         let thin = of.stepped(values, Steps { per_period, each_in: FINER })?.estimator;
         Some(Self { thin, offset: None })
     }
-    /// Residuals that have the cost of all rows.
-    fn residuals_at(&mut self, of: &Centred, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
-        if self.offset.is_none() && !at.is_empty() {
-            let mut own = vec![0.0; of.roots.len()];
-            if let Err(e) = self.thin.residuals(&of.values, &of.extra, &mut own) {
-                let text = e.to_string();
-                return at.iter().map(|_| Err(EvalError::Rejected(text.clone()))).collect();
+    /// What predicts in finer steps, and what is added to its weighted residuals: known once it has been asked at the point.
+    fn prepared(&mut self, of: &Centred) -> Result<(&mut (dyn Estimator + 'a), &[f64]), EvalError> {
+        let added = match self.offset.take() {
+            Some(known) => known,
+            None => {
+                let mut own = vec![0.0; of.roots.len()];
+                self.thin.residuals(&of.values, &of.extra, &mut own)?;
+                offset(&of.residuals, &own, &of.roots)
             }
-            let weighed = own.iter().zip(of.residuals.iter().zip(&of.roots));
-            self.offset = Some(weighed.map(|(r, (c, w))| c - w * r).collect());
-        }
-        let done = self.thin.residuals_at(at, r);
-        r.iter_mut().for_each(|r| of.finish(r, self.offset.as_deref().unwrap_or_default()));
-        done
+        };
+        Ok((&mut *self.thin, self.offset.insert(added)))
     }
+}
+
+/// What makes residuals `own` at the point, weighted, those that have the cost of all rows.
+fn offset(gathered: &[f64], own: &[f64], roots: &[f64]) -> Vec<f64> {
+    gathered.iter().zip(own.iter().zip(roots)).map(|(c, (r, w))| c - w * r).collect()
 }
 
 impl Centred {
@@ -313,19 +315,9 @@ impl Centred {
     }
 }
 
-impl Around<'_> {
-    /// Residuals as they are handed over, from those of the long steps; in finer ones where these predict nothing.
-    fn finished(&mut self, done: Result<(), EvalError>, at: At<'_>, r: &mut [f64]) -> Result<(), EvalError> {
-        match (done, &mut self.finer) {
-            (Err(EvalError::Rejected(_)), Some(finer)) => {
-                finer.residuals_at(&self.of, &[at], &mut [r]).pop().unwrap_or(Ok(()))
-            }
-            (done, _) => {
-                self.of.finish(r, &self.of.offset);
-                done
-            }
-        }
-    }
+/// Whether nothing is predicted in these steps.
+fn too_fast(done: &Result<(), EvalError>) -> bool {
+    matches!(done, Err(EvalError::Rejected(_)))
 }
 
 impl Estimator for Around<'_> {
@@ -336,17 +328,12 @@ impl Estimator for Around<'_> {
         self.thin.nuisance()
     }
     fn residuals(&mut self, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
-        let done = self.thin.residuals(full, extra, r);
-        self.finished(done, (full, extra), r)
+        self.residuals_at(&[(full, extra)], &mut [r]).pop().unwrap_or(Ok(()))
     }
+    /// Of the long steps; in finer ones where these predict nothing.
     fn residuals_at(&mut self, at: &[At<'_>], r: &mut [&mut [f64]]) -> Vec<Result<(), EvalError>> {
-        let mut done = self.thin.residuals_at(at, r);
-        let of = Arc::clone(&self.of);
-        let Some(finer) = &mut self.finer else {
-            r.iter_mut().for_each(|r| of.finish(r, &of.offset));
-            return done;
-        };
-        let too_fast = |done: &Result<(), EvalError>| matches!(done, Err(EvalError::Rejected(_)));
+        let Self { thin, finer, of } = self;
+        let mut done = thin.residuals_at(at, r);
         let (mut again, mut to) = (Vec::new(), Vec::new());
         for ((done, at), r) in done.iter().zip(at).zip(r) {
             if too_fast(done) {
@@ -356,8 +343,13 @@ impl Estimator for Around<'_> {
                 of.finish(r, &of.offset);
             }
         }
-        let by_finer = finer.residuals_at(&of, &again, &mut to);
-        done.iter_mut().filter(|done| too_fast(done)).zip(by_finer).for_each(|(done, finer)| *done = finer);
+        if let Some(finer) = finer.as_mut().filter(|_| !again.is_empty())
+            && let Ok((thin, offset)) = finer.prepared(of)
+        {
+            let found = thin.residuals_at(&again, &mut to);
+            to.iter_mut().for_each(|r| of.finish(r, offset));
+            done.iter_mut().filter(|done| too_fast(done)).zip(found).for_each(|(done, finer)| *done = finer);
+        }
         done
     }
     fn jacobian(
@@ -380,10 +372,17 @@ impl Estimator for Around<'_> {
             along.iter().zip(&places).filter(|(_, held)| held.is_none()).map(|(d, _)| d.clone()).collect();
         let mut own = DMatrix::zeros(r.len(), made.len());
         let done = self.thin.jacobian_along(full, extra, &made, r, &mut own);
-        if let (Err(EvalError::Rejected(_)), Some(finer)) = (&done, &mut self.finer) {
-            finer.thin.jacobian_along(full, extra, &made, r, &mut own)?;
+        match &mut self.finer {
+            Some(finer) if too_fast(&done) => {
+                let (thin, offset) = finer.prepared(&of)?;
+                thin.jacobian_along(full, extra, &made, r, &mut own)?;
+                of.finish(r, offset);
+            }
+            _ => {
+                done?;
+                of.finish(r, &of.offset);
+            }
         }
-        self.finished(done, (full, extra), r)?;
         own.column_iter_mut().for_each(|mut c| weigh(c.iter_mut(), &of.roots));
         let mut next = own.column_iter();
         for (mut to, held) in j.column_iter_mut().zip(&places) {

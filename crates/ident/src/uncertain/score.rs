@@ -165,9 +165,7 @@ pub(crate) fn folded(
                 }
             }
             rows += block.count();
-            if base.nrows() != block.count() {
-                base = DMatrix::zeros(block.count(), n + 1);
-            }
+            of_rows(&mut base, block.count());
             at.base.iter().enumerate().for_each(|(to, (all, _))| gather(&block, all, &mut base, to));
             base.column_mut(n).copy_from_slice(&block.residuals);
             each(&block, &base);
@@ -183,6 +181,13 @@ pub(crate) fn folded(
     tail.view_mut((n, 0), rows_known.shape()).copy_from(rows_known);
     tail.view_mut((n, n), (known.len(), 1)).copy_from_slice(known);
     Ok((ff_linalg::qr_r(&stack(&triangle, &tail)).map_err(fatal)?, rows))
+}
+
+/// Gives a buffer so many rows, of which every one is written anew; allocates where it has others.
+fn of_rows(buffer: &mut DMatrix<f64>, rows: usize) {
+    if buffer.nrows() != rows {
+        *buffer = DMatrix::zeros(rows, buffer.ncols());
+    }
 }
 
 /// Puts a combination of columns into one of `to`.
@@ -226,9 +231,7 @@ impl Scores {
         let left_out = estimator.left_out();
         let mut wide = DMatrix::zeros(0, c + m + 1);
         let (triangle, rows) = folded(estimator, at, &mut |block, base| {
-            if wide.nrows() != block.count() {
-                wide = DMatrix::zeros(block.count(), c + m + 1);
-            }
+            of_rows(&mut wide, block.count());
             // A block has rows of one record.
             let first = block.rows.first().map_or(0, |r| r.start);
             for (to, d) in components.iter().enumerate() {
