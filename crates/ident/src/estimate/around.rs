@@ -130,6 +130,33 @@ impl<'a> Around<'a> {
         let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
         Self::of_point(request, Centre::end(e, &extra), thin, stays)
     }
+    /// As [`Around::new`], around where a fit has got to, be that a minimum or not: the slope there is what fewer rows make of it. In steps that just follow
+    /// the fastest mode there, or at `other` parameters if that is less and there can be predicted in them, and finer ones for places where it is faster.
+    ///
+    /// # Errors
+    /// [`EvalError`].
+    pub fn beside<E: Estimator + ?Sized>(
+        request: &Request<'_>,
+        e: &Estimate,
+        other: &[f64],
+        of: &'a E,
+    ) -> Result<Option<Self>, EvalError> {
+        let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
+        let centre = Centre { slope: Slope::Untold, ..Centre::end(e, &extra) };
+        let per_period = PER_PERIOD[0];
+        let stepped = |at| Some((of.stepped(at, Steps { per_period, each_in: 1 })?, at));
+        let mut looks: Vec<_> = [&e.values[..], other].into_iter().filter_map(stepped).collect();
+        looks.sort_by_key(|(thin, _)| thin.estimator.rows());
+        for (thin, at) in looks {
+            match Self::of_point(request, centre, thin, |_| false) {
+                // Steps in which a mode is not stable predict nothing.
+                Ok(None) | Err(EvalError::Rejected(_)) => {}
+                Ok(Some(around)) => return Ok(Some(Self { finer: Finer::new(at, of, per_period), ..around })),
+                Err(e) => return Err(e),
+            }
+        }
+        Ok(None)
+    }
     /// As [`Around::new`], in the longest steps in which fewer rows tell of every direction what all of them do, to a hundredth; steps per period of the
     /// fastest mode beside it, for [`Around::stepped_again`]. Where modes are too fast for these somewhere around, that place is predicted in finer ones. `None` where
     /// there are no such steps.

@@ -59,7 +59,7 @@ const EDGE_VALUE: f64 = 1e-3;
 /// find its valley after all.
 const WINDOW: usize = 10;
 pub(super) const WORTH: f64 = 0.05;
-const ABOVE_NOISE: f64 = 10.0;
+const ABOVE_NOISE: f64 = 5.0;
 const NEARLY: f64 = 1.5;
 /// The same below which any fit is at the end of a flat direction: where so much is not explained, deviations do not ask for more.
 const WORTHLESS: f64 = 1e-3;
@@ -407,7 +407,8 @@ mod tests {
         let all = (0.0, noise);
         let above = |mean: f64| mean * rows as f64;
         // In the noise there is nothing to be stuck above; near it, a hundredth of what is above counts, far off a thousandth.
-        assert!(!is_stuck(&falling(above(1.03), 1e-5, rows), all));
+        assert!(!is_stuck(&falling(above(1.02), 1e-5, rows), all));
+        assert!(is_stuck(&falling(above(1.035), 1e-5, rows), all));
         assert!(is_stuck(&falling(above(1.08), 1e-5, rows), all));
         assert!(!is_stuck(&falling(above(1.08), 3e-4, rows), all));
         assert!(is_stuck(&falling(above(30.0), 1e-4, rows), all));

@@ -14,6 +14,8 @@ const FOLLOW: f64 = 3.0;
 const LEAST_PART: f64 = 0.1;
 /// Solutions of a step with positive parameters held at that.
 const BOUNDED: usize = 4;
+/// Places whose rows are held at a time.
+const AT_ONCE: usize = 16;
 /// Parts of a step that are tried.
 const SHORTENED: [f64; 5] = [1.0, 0.5, 0.25, 0.125, 0.0625];
 
@@ -68,13 +70,16 @@ impl Chord {
         fixed.iter().zip(values).for_each(|(&k, v)| x[k] = *v);
         Some(x)
     }
+    /// `[J; K]^T` times residuals of the data and of what is known, in deviations of each unknown by itself.
+    fn slope(&self, r: &[f64], known: &[f64]) -> DVector<f64> {
+        let slope = tr_mul(&self.j, r) + self.known.tr_mul(&DVector::from_column_slice(known));
+        DVector::from_fn(slope.len(), |k, _| slope[k] / self.normal.size[k])
+    }
     /// The step of all unknowns but the columns `fixed` that this linearisation makes of the residuals somewhere, and by how much it promises
     /// that their squares fall. Positive parameters keep a tenth.
     pub(super) fn step(&self, request: &Request<'_>, here: &Here, fixed: &[usize]) -> Option<(Vec<f64>, f64)> {
         let n = self.normal.size.len();
-        let slope = tr_mul(&self.j, &here.r) + self.known.tr_mul(&DVector::from_column_slice(&here.known));
-        let slope = DVector::from_fn(n, |k, _| slope[k] / self.normal.size[k]);
-        // In deviations of each unknown by itself.
+        let slope = self.slope(&here.r, &here.known);
         let mut step = DVector::zeros(n);
         let mut fixed = fixed.to_vec();
         for _ in 0..BOUNDED {
@@ -99,7 +104,7 @@ impl Chord {
         let step: Vec<f64> = step.iter().zip(&self.normal.size).map(|(x, s)| x / s).collect();
         promised.is_finite().then_some((step, promised))
     }
-    /// Cost at each of these places with the other unknowns moved, and where they are then. Allocates the rows of all.
+    /// Cost at each of these places with the other unknowns moved, and where they are then. Allocates the rows of [`AT_ONCE`].
     pub(super) fn looks(
         &self,
         request: &Request<'_>,
@@ -108,9 +113,48 @@ impl Chord {
         estimator: &mut ObservedEstimator<'_>,
     ) -> Vec<Option<(f64, Vec<f64>)>> {
         let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
-        let at: Vec<At<'_>> = places.iter().map(|p| (&p.at[..], &extra[..])).collect();
-        let rows = estimator.rows_at(&at);
-        places.iter().zip(rows).map(|(place, r)| self.judged(request, place, &r?)).collect()
+        let mut out = Vec::new();
+        for some in places.chunks(AT_ONCE) {
+            let at: Vec<At<'_>> = some.iter().map(|p| (&p.at[..], &extra[..])).collect();
+            let rows = estimator.rows_at(&at);
+            out.extend(some.iter().zip(rows).map(|(place, r)| self.judged(request, place, &r?)));
+        }
+        out
+    }
+    /// As [`Chord::looks`], where what is at a place may be there in any strength: the cost with the residuals `own` of the chord's point changed by
+    /// the part, within `parts`, of what they change by to the place that makes it lowest, all unknowns moved that are not fixed, and that part. Allocates the rows of [`AT_ONCE`].
+    pub(super) fn looks_along(
+        &self,
+        request: &Request<'_>,
+        own: &Here,
+        places: &[Place],
+        (least, most): (f64, f64),
+        estimator: &mut ObservedEstimator<'_>,
+    ) -> Vec<Option<(f64, f64)>> {
+        let slope = self.slope(&own.r, &own.known);
+        let one = |place: &Place, r: Vec<f64>| {
+            let there = Here::new(request, place.at.clone(), Vec::new(), r)?;
+            let less = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a - b).collect() };
+            let change = (less(&there.r, &own.r), less(&there.known, &own.known));
+            let by_change = self.slope(&change.0, &change.1);
+            // What the free unknowns take of each.
+            let none = vec![0.0; place.fixed.len()];
+            let (step, by_step) =
+                (self.solved(&slope, &place.fixed, &none)?, self.solved(&by_change, &place.fixed, &none)?);
+            let squares: f64 = change.0.iter().chain(&change.1).map(|c| c * c).sum();
+            let products: f64 =
+                own.r.iter().zip(&change.0).chain(own.known.iter().zip(&change.1)).map(|(a, b)| a * b).sum();
+            let (rise, bend) = (products - step.dot(&by_change), squares - by_step.dot(&by_change));
+            let part = (-rise / bend).clamp(least, most);
+            let cost = own.cost - step.dot(&slope) + part * (2.0 * rise + part * bend);
+            cost.is_finite().then_some((cost, part))
+        };
+        let mut out = Vec::new();
+        for some in places.chunks(AT_ONCE) {
+            let at: Vec<At<'_>> = some.iter().map(|p| (&p.at[..], &own.extra[..])).collect();
+            out.extend(some.iter().zip(estimator.rows_at(&at)).map(|(place, r)| one(place, r?)));
+        }
+        out
     }
     /// See [`Chord::looks`], with the residuals of the data there.
     fn judged(&self, request: &Request<'_>, place: &Place, r: &[f64]) -> Option<(f64, Vec<f64>)> {
@@ -118,8 +162,7 @@ impl Chord {
         let mut known = Vec::new();
         request.priors.push_residuals(&values, &mut known);
         let squares: f64 = r.iter().chain(&known).map(|r| r * r).sum();
-        let slope = tr_mul(&self.j, r) + self.known.tr_mul(&DVector::from_vec(known));
-        let b = DVector::from_fn(self.normal.size.len(), |k, _| slope[k] / self.normal.size[k]);
+        let b = self.slope(r, &known);
         let step = self.solved(&b, &place.fixed, &vec![0.0; place.fixed.len()])?;
         let cost = squares - b.dot(&step);
         let mut at = place.at.clone();

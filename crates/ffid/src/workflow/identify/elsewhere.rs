@@ -4,7 +4,8 @@
 //! wrong one, and the line it should have explained is left over in the residuals. So the first other starts are those that put a mode of
 //! the model where the residuals have their power, and only then come random ones.
 
-use super::ends::{FAR, NOWHERE, WIDE, explains, given_back, gone_on, has_springs, is_spring, of_body, within};
+use super::drawn_anew::Search;
+use super::ends::{FAR, LOWER, NOWHERE, WIDE, explains, given_back, gone_on, has_springs, is_spring, of_body, within};
 use super::labelled_record::LabelledRecord;
 use super::lost::{as_others_are_told, bodies_strayed, given_life, has_lost, keep_whole, lost, strayed, vanished};
 use super::observed_estimator::ObservedEstimator;
@@ -18,7 +19,7 @@ use ff_dynamics::analysis::{Boundary, modes};
 use ff_least_squares::{Settings as Solver, Status};
 use ff_model::{Model, ParamGroup, Params};
 use ident::checks::whiteness;
-use ident::estimate::{Estimate, attempt};
+use ident::estimate::{Estimate, KEPT_BYTES, attempt};
 use ident::parameters::{is_damping, wide_start};
 use ident::{Estimator, Loss, Request};
 
@@ -52,8 +53,6 @@ const BEYOND: f64 = 1.5;
 const NUDGE: f64 = 1.05;
 /// Promised relative reduction at which a try has shown where it leads.
 const SHOWN: f64 = 1e-4;
-/// Half of chi-squared by which another end must be lower to be another valley.
-pub(super) const LOWER: f64 = 9.2;
 /// Rounds of such starts: a spring that has gone astray takes one, and so does the next.
 const ROUNDS: usize = 4;
 /// Rounds after which there is another although they have led nowhere, where everything is far off.
@@ -168,6 +167,16 @@ fn best_start(
     of: &Subject<'_>,
     estimator: &mut ObservedEstimator<'_>,
 ) -> Option<Lead> {
+    let (lost, back) = lost(request, first);
+    let far = first.chi2_per_dof > WIDE * request.noise;
+    // An appendage beside which all is nearly right is looked for by itself.
+    if !far
+        && round.led
+        && !lost.is_empty()
+        && let Some(found) = drawn_anew(request, first, (&lost, &back), lines, of, estimator)
+    {
+        return Some(found);
+    }
     // What has strayed goes back first.
     let astray = if round.led { strayed(request, first) } else { Vec::new() };
     let is_astray = |i: usize| astray.contains(&i);
@@ -176,7 +185,6 @@ fn best_start(
         starts.push(given_back(request, first, is_astray));
         starts.extend(as_others_are_told(request, first, &astray));
     }
-    let far = first.chi2_per_dof > WIDE * request.noise;
     // While springs were elsewhere, bodies may have been led to the edge of what can exist, where a fit ends, or to masses of no sense. Springs
     // that were found on the way are nearer than the mission's; with these bodies nothing leads back from there.
     if far && round.led && (first.is_solution() || bodies_strayed(request, first)) {
@@ -186,7 +194,6 @@ fn best_start(
         }
     }
     let mut wide: Vec<Vec<f64>> = Vec::new();
-    let (lost, back) = lost(request, first);
     if far || !lost.is_empty() {
         // What a round before has tried is not tried again.
         let drawn = round.number * RANDOM..(round.number + 1) * RANDOM;
@@ -229,6 +236,30 @@ fn best_start(
     found.or_else(|| led(estimator, false))
 }
 
+/// Where the best of many draws of what is `lost` leads; `back` has that as the mission does. `None` where none explains the record, or there are no
+/// fewer rows or more than are kept. Allocates rows of several draws at a time.
+fn drawn_anew(
+    request: &Request<'_>,
+    first: &Estimate,
+    (lost, back): (&[usize], &[f64]),
+    lines: &[f64],
+    of: &Subject<'_>,
+    estimator: &ObservedEstimator<'_>,
+) -> Option<Lead> {
+    let large = first.residuals.len().saturating_mul(8 * request.selected.len()) > KEPT_BYTES;
+    if large || request.loss != Loss::Squares || !lost.iter().any(|&i| is_spring(request, i)) {
+        return None;
+    }
+    let (mut near, beyond) = estimator.beside(request, first, back)?;
+    let to_lines = |which: &[usize], turn: usize, at: &mut [f64]| at_lines(of, request, which, (lines, turn), at);
+    let whole = |at: &mut [f64], from: &[f64]| keep_whole(of.model, request, from, at);
+    let seed = of.settings.seed;
+    let settings = of_a_try(request);
+    let search = Search { request, first, lost, back, seed, settings, to_lines: &to_lines, whole: &whole };
+    let found = search.best(&mut near, beyond)?;
+    Some(Lead { objective: found.objective + beyond, explains: true, values: found.values })
+}
+
 /// Whether a fit leaves no more than a twentieth of the signals.
 pub(super) fn follows(e: &Estimate, of: &Subject<'_>) -> bool {
     let loud = of.records.iter().map(|t| loudness(&t.record, of.sigma)).sum::<f64>() / of.records.len() as f64;
@@ -241,7 +272,7 @@ pub(super) fn of_a_try(request: &Request<'_>) -> Solver {
     Solver { decrement_tolerance: SHOWN, max_iterations, ..request.settings.clone() }
 }
 
-/// Where a start has led over the thinned record.
+/// Where a start has led over fewer data.
 struct Lead {
     values: Vec<f64>,
     objective: f64,

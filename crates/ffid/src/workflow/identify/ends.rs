@@ -14,6 +14,8 @@ const NO_ANSWER: f64 = 10.0;
 pub(super) const WIDE: f64 = 1.5;
 /// The same from which what is near the end of the fit is not looked at: it is as wrong as everything.
 pub(super) const NOWHERE: f64 = 10.0;
+/// Half of chi-squared by which another end must be lower to be another valley.
+pub(super) const LOWER: f64 = 9.2;
 
 /// Whether chi-squared per degree of freedom is no further from one than errors of the model may leave it.
 pub(super) fn explains(e: &Estimate) -> bool {

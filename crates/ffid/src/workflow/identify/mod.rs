@@ -34,6 +34,7 @@ mod compliances;
 mod consider;
 mod course;
 pub(crate) mod decay;
+mod drawn_anew;
 pub mod draws;
 mod drives;
 mod elsewhere;

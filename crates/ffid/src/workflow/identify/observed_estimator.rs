@@ -194,6 +194,18 @@ impl<'a> ObservedEstimator<'a> {
             None => look(self, 0.0),
         }
     }
+    /// Fewer rows with the cost of all of them at the end of a fit, be that a minimum or not, in steps that just follow the fastest mode there or at `other`
+    /// parameters, and the cost of all rows there less that of these. `None` where there are no fewer.
+    pub(super) fn beside(
+        &self,
+        request: &Request<'_>,
+        e: &Estimate,
+        other: &[f64],
+    ) -> Option<(ObservedEstimator<'_>, f64)> {
+        let around = Around::beside(request, e, other, &*self.inner).ok()??;
+        let beyond = around.centred().beyond;
+        Some((self.over_less(Box::new(around)), beyond))
+    }
     /// See [`ObservedEstimator::around`].
     fn near(
         &self,

@@ -5,8 +5,8 @@
 //! a wing of three hinges ended at chi-squared per degree of freedom 1.0065 (1.0042 in the right order) with residuals that stand out at nothing but what tests of
 //! errors find. So where the record contradicts a fit that comes near it, the springs of each appendage are exchanged.
 
-use super::elsewhere::{LOWER, STIFFER, of_a_try, stiffest};
-use super::ends::{NOWHERE, explains, given_back, is_spring, owner};
+use super::elsewhere::{STIFFER, of_a_try, stiffest};
+use super::ends::{LOWER, NOWHERE, explains, given_back, is_spring, owner};
 use super::observed_estimator::ObservedEstimator;
 use super::valleys::ASIDE;
 use ff_least_squares::Settings as Solver;
