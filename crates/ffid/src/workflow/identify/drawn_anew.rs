@@ -33,6 +33,9 @@ const LONGER: usize = 2;
 /// The best draws, which are looked at as they are.
 const BEST: usize = 3;
 
+/// Puts springs among these parameters to lines of the residuals, in the order of a turn.
+pub(super) type ToLines<'a> = dyn Fn(&[usize], usize, &mut [f64]) + 'a;
+
 /// What is drawn anew, and around what.
 pub(super) struct Search<'a> {
     pub(super) request: &'a Request<'a>,
@@ -44,8 +47,7 @@ pub(super) struct Search<'a> {
     pub(super) seed: u64,
     /// Settings of a pass that shows where a start leads.
     pub(super) settings: Solver,
-    /// Puts springs among these parameters to lines of the residuals, in the order of a turn.
-    pub(super) to_lines: &'a dyn Fn(&[usize], usize, &mut [f64]),
+    pub(super) to_lines: &'a ToLines<'a>,
     /// Takes off what carries it what has become heavier in the first than it was in the second.
     pub(super) whole: &'a dyn Fn(&mut [f64], &[f64]),
 }
