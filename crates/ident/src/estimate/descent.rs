@@ -55,11 +55,14 @@ const REST: f64 = 1e-2;
 const EDGE_VALUE: f64 = 1e-3;
 
 /// Linearisations over which a fit that may be given up ([`Request::give_up`]) must take this part of what its cost lies above noise, where noise
-/// is, in deviations of chi-squared, and mean squared residual up to which that counts: on the way from afar a fit may creep for long and
-/// find its valley after all.
+/// is, in deviations of chi-squared ([`Way::above`]), and mean squared residual up to which that counts: on the way from afar a fit may creep for
+/// long and find its valley after all.
 const WINDOW: usize = 10;
 pub(super) const WORTH: f64 = 0.05;
-const ABOVE_NOISE: f64 = 5.0;
+/// [`Way::above`] of a fit to all data, and of one to less: a short part that is not quite explained may still lead on.
+pub(super) const ABOVE_NOISE: f64 = 5.0;
+/// See [`ABOVE_NOISE`].
+pub(super) const ABOVE_NOISE_OF_LESS: f64 = 10.0;
 const NEARLY: f64 = 1.5;
 /// The same below which any fit is at the end of a flat direction: where so much is not explained, deviations do not ask for more.
 const WORTHLESS: f64 = 1e-3;
@@ -90,6 +93,8 @@ pub(super) struct Way<'w> {
     /// Cost of all data less that of these, where fewer of them have the cost of all, and what noise alone leaves of all rows
     /// ([`Request::noise_of`]).
     pub(super) all: (f64, f64),
+    /// Deviations of chi-squared above noise from which it counts that a fit creeps.
+    pub(super) above: f64,
     /// Objective that it must get below to be of use ([`Request::to_beat`]).
     pub(super) to_beat: Option<f64>,
     /// The same where oscillations may have slipped by periods: in the right valley an objective falls by a factor each time ([`is_lost`]).
@@ -103,7 +108,8 @@ impl Way<'_> {
     /// Of a pass over less data, which goes wherever it leads.
     pub(super) fn over_less(all: (f64, f64)) -> Self {
         let range = f64::INFINITY;
-        Self { still: f64::INFINITY, range, all, to_beat: None, to_reach: None, near_end: None }
+        let above = ABOVE_NOISE_OF_LESS;
+        Self { still: f64::INFINITY, range, all, above, to_beat: None, to_reach: None, near_end: None }
     }
 }
 
@@ -198,7 +204,7 @@ pub(super) fn settle(
             let status = flat_end(request, before, &place.full, emptied);
             break (transform, status);
         }
-        if let Some(share) = gained_above_noise(&place.descent[begun..], way.all).filter(|_| !settled) {
+        if let Some(share) = gained_above_noise(&place.descent[begun..], way.all, way.above).filter(|_| !settled) {
             if share < WORTHLESS {
                 break (transform, ended(Criterion::Flat, emptied));
             }
@@ -207,7 +213,7 @@ pub(super) fn settle(
                 break (transform, Status::IterationLimit);
             }
         }
-        if !settled && request.give_up.is_some() && is_stuck(&place.descent[begun..], way.all) {
+        if !settled && request.give_up.is_some() && is_stuck(&place.descent[begun..], way.all, way.above) {
             place.crept = true;
             break (transform, Status::IterationLimit);
         }
@@ -246,17 +252,17 @@ pub(super) fn settle(
 
 /// What the last linearisations have gained, as part of what lies above noise; `None` where there are too few, noise alone is left, or far
 /// more than that.
-fn gained_above_noise(descent: &[Linearisation], all: (f64, f64)) -> Option<f64> {
+fn gained_above_noise(descent: &[Linearisation], all: (f64, f64), above: f64) -> Option<f64> {
     let (last, before) = (descent.last()?, &descent[descent.len().checked_sub(1 + WINDOW)?]);
-    share_above_noise(before.objective - last.objective, last.objective + all.0, all.1)
+    share_above_noise(before.objective - last.objective, last.objective + all.0, all.1, above)
 }
 
 /// Whether the last few linearisations have gained next to nothing of what lies above noise ([`STUCK`]).
-fn is_stuck(descent: &[Linearisation], all: (f64, f64)) -> bool {
+fn is_stuck(descent: &[Linearisation], all: (f64, f64), above: f64) -> bool {
     let Some((last, gained)) = gained_last(descent) else { return false };
     let objective = last + all.0;
     let least = if is_near(objective, all.1) { STUCK.0 } else { STUCK.1 };
-    above_noise(objective, all.1).is_some_and(|above| gained < least * above)
+    above_noise(objective, all.1, above).is_some_and(|above| gained < least * above)
 }
 
 /// Whether the linearisations that are `left` will not lead below the objective `best`, unless they gain more than [`FASTER`] times as much
@@ -282,9 +288,9 @@ fn gained_last(descent: &[Linearisation]) -> Option<(f64, f64)> {
 }
 
 /// What lies above noise, where that is more than its deviations.
-fn above_noise(objective: f64, noise: f64) -> Option<f64> {
+fn above_noise(objective: f64, noise: f64, deviations: f64) -> Option<f64> {
     let above = objective - noise;
-    (above > ABOVE_NOISE * (2.0 * noise).sqrt()).then_some(above)
+    (above > deviations * (2.0 * noise).sqrt()).then_some(above)
 }
 
 /// Whether what is left is nearly noise.
@@ -293,8 +299,8 @@ fn is_near(objective: f64, noise: f64) -> bool {
 }
 
 /// A gain, as part of what lies above noise; `None` where noise alone is left, or far more than that.
-pub(super) fn share_above_noise(gained: f64, objective: f64, noise: f64) -> Option<f64> {
-    above_noise(objective, noise).filter(|_| is_near(objective, noise)).map(|above| gained / above)
+pub(super) fn share_above_noise(gained: f64, objective: f64, noise: f64, deviations: f64) -> Option<f64> {
+    above_noise(objective, noise, deviations).filter(|_| is_near(objective, noise)).map(|above| gained / above)
 }
 
 /// The trust region of the next step: [`Scale::Unit`] up to [`RADIUS`], and, where it may be (`by_data`), the metric of the data from where
@@ -406,19 +412,21 @@ mod tests {
         let noise = rows as f64;
         let all = (0.0, noise);
         let above = |mean: f64| mean * rows as f64;
+        let stuck = |descent: &[Linearisation], all| is_stuck(descent, all, ABOVE_NOISE);
         // In the noise there is nothing to be stuck above; near it, a hundredth of what is above counts, far off a thousandth.
-        assert!(!is_stuck(&falling(above(1.02), 1e-5, rows), all));
-        assert!(is_stuck(&falling(above(1.035), 1e-5, rows), all));
-        assert!(is_stuck(&falling(above(1.08), 1e-5, rows), all));
-        assert!(!is_stuck(&falling(above(1.08), 3e-4, rows), all));
-        assert!(is_stuck(&falling(above(30.0), 1e-4, rows), all));
-        assert!(!is_stuck(&falling(above(30.0), 1e-3, rows), all));
-        assert!(!is_stuck(&falling(above(1.08), 1e-5, rows)[..4], all));
+        assert!(!stuck(&falling(above(1.02), 1e-5, rows), all));
+        let short = falling(above(1.035), 1e-5, rows);
+        assert!(stuck(&short, all) && !is_stuck(&short, all, ABOVE_NOISE_OF_LESS));
+        assert!(stuck(&falling(above(1.08), 1e-5, rows), all));
+        assert!(!stuck(&falling(above(1.08), 3e-4, rows), all));
+        assert!(stuck(&falling(above(30.0), 1e-4, rows), all));
+        assert!(!stuck(&falling(above(30.0), 1e-3, rows), all));
+        assert!(!stuck(&falling(above(1.08), 1e-5, rows)[..4], all));
         // Fewer rows with the cost of all of them: what all rows say counts.
         let fewer = falling(above(0.5), 1e-5, rows / 2);
-        assert!(is_stuck(&fewer, (above(0.58), noise)) && !is_stuck(&fewer, (above(0.5), noise)));
+        assert!(stuck(&fewer, (above(0.58), noise)) && !stuck(&fewer, (above(0.5), noise)));
         // Noise that is larger than was said is noise.
-        assert!(!is_stuck(&falling(above(1.08), 1e-5, rows), (0.0, above(1.09))));
+        assert!(!stuck(&falling(above(1.08), 1e-5, rows), (0.0, above(1.09))));
     }
 
     #[test]

@@ -98,9 +98,15 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
             break Status::IterationLimit;
         }
         let all = (0.0, request.noise_of(estimator.rows()));
-        let to_beat = request.to_beat;
-        let way =
-            Way { still: ANCHOR_MOVED, range: f64::INFINITY, all, to_beat, to_reach: None, near_end: Some(&mut hop) };
+        let way = Way {
+            still: ANCHOR_MOVED,
+            range: f64::INFINITY,
+            all,
+            above: near_end::above(request),
+            to_beat: request.to_beat,
+            to_reach: None,
+            near_end: Some(&mut hop),
+        };
         let end = settle(request, estimator, &sizes_extra, &mut references, &mut place, &mut evaluated, way)?.1;
         // A fit that was given up is no place to ask for.
         if request.finer == 0 || refined == REFINED || end == Status::IterationLimit {
