@@ -148,11 +148,8 @@ impl<'a> Around<'a> {
         let mut looks: Vec<_> = [&e.values[..], other].into_iter().filter_map(stepped).collect();
         looks.sort_by_key(|(thin, _)| thin.estimator.rows());
         for (thin, at) in looks {
-            match Self::of_point(request, centre, thin, |_| false) {
-                // Steps in which a mode is not stable predict nothing.
-                Ok(None) | Err(EvalError::Rejected(_)) => {}
-                Ok(Some(around)) => return Ok(Some(Self { finer: Finer::new(at, of, per_period), ..around })),
-                Err(e) => return Err(e),
+            if let Some(around) = Self::in_steps(request, centre, thin, |_| false)? {
+                return Ok(Some(Self { finer: Finer::new(at, of, per_period), ..around }));
             }
         }
         Ok(None)
@@ -180,17 +177,24 @@ impl<'a> Around<'a> {
             let thin = of.stepped(&e.values, Steps { per_period, each_in: 1 });
             let Some(thin) = thin.filter(|thin| thin.estimator.rows() != rows) else { continue };
             rows = thin.estimator.rows();
-            match Self::of_point(request, centre, thin, &stays) {
-                Ok(Some(around)) => {
-                    let finer = Finer::new(&e.values, of, per_period);
-                    return Ok(Some((Self { finer, ..around }, per_period)));
-                }
-                // Steps in which a mode is not stable predict nothing.
-                Ok(None) | Err(EvalError::Rejected(_)) => {}
-                Err(e) => return Err(e),
+            if let Some(around) = Self::in_steps(request, centre, thin, &stays)? {
+                let finer = Finer::new(&e.values, of, per_period);
+                return Ok(Some((Self { finer, ..around }, per_period)));
             }
         }
         Ok(None)
+    }
+    /// As [`Around::of_point`], in steps in which a mode may not be stable: these predict nothing.
+    fn in_steps(
+        request: &Request<'_>,
+        centre: Centre<'_>,
+        thin: Coarse<'a>,
+        stays: impl Fn(usize) -> bool,
+    ) -> Result<Option<Self>, EvalError> {
+        match Self::of_point(request, centre, thin, stays) {
+            Err(EvalError::Rejected(_)) => Ok(None),
+            found => found,
+        }
     }
     /// As [`Around::new`], around any point.
     ///

@@ -60,9 +60,9 @@ const EDGE_VALUE: f64 = 1e-3;
 const WINDOW: usize = 10;
 pub(super) const WORTH: f64 = 0.05;
 /// [`Way::above`] of a fit to all data, and of one to less: a short part that is not quite explained may still lead on.
-pub(super) const ABOVE_NOISE: f64 = 5.0;
+const ABOVE_NOISE: f64 = 5.0;
 /// See [`ABOVE_NOISE`].
-pub(super) const ABOVE_NOISE_OF_LESS: f64 = 10.0;
+const ABOVE_NOISE_OF_LESS: f64 = 10.0;
 const NEARLY: f64 = 1.5;
 /// The same below which any fit is at the end of a flat direction: where so much is not explained, deviations do not ask for more.
 const WORTHLESS: f64 = 1e-3;
@@ -111,6 +111,11 @@ impl Way<'_> {
         let above = ABOVE_NOISE_OF_LESS;
         Self { still: f64::INFINITY, range, all, above, to_beat: None, to_reach: None, near_end: None }
     }
+}
+
+/// [`Way::above`] of a fit by what it is asked for: one that is tried beside another goes over less data.
+pub(super) fn above(request: &Request<'_>) -> f64 {
+    if request.to_beat.is_some() { ABOVE_NOISE_OF_LESS } else { ABOVE_NOISE }
 }
 
 /// See [`Way::near_end`].

@@ -10,7 +10,7 @@
 use crate::belief::covariance::{Unknown, analyse};
 use crate::belief::prior::PriorRow;
 use crate::estimate::approach::{approach, unless_hopeless};
-use crate::estimate::descent::{Place, Way, settle};
+use crate::estimate::descent::{Place, Way, above, settle};
 use crate::estimate::estimator::Estimator;
 use crate::estimate::fit::{Evaluated, Reference};
 use crate::estimate::near_end;
@@ -102,7 +102,7 @@ fn fitted(request: &Request<'_>, estimator: &mut dyn Estimator) -> Result<Estima
             still: ANCHOR_MOVED,
             range: f64::INFINITY,
             all,
-            above: near_end::above(request),
+            above: above(request),
             to_beat: request.to_beat,
             to_reach: None,
             near_end: Some(&mut hop),

@@ -6,7 +6,7 @@
 
 use crate::estimate::approach::cost;
 use crate::estimate::around::{Around, Centre, Slope};
-use crate::estimate::descent::{ABOVE_NOISE, ABOVE_NOISE_OF_LESS, Place, WORTH, Way, settle, share_above_noise};
+use crate::estimate::descent::{Place, WORTH, Way, above, settle, share_above_noise};
 use crate::estimate::estimator::Estimator;
 use crate::estimate::fit::{Evaluated, Reference};
 use crate::estimate::request::Request;
@@ -92,11 +92,6 @@ pub(super) fn land(
 /// Whether a fit goes over fewer rows near its end.
 pub(super) fn asked(request: &Request<'_>) -> bool {
     request.near_end && request.loss == Loss::Squares
-}
-
-/// [`Way::above`] of a fit by what it is asked for: one that is tried beside another goes over less data.
-pub(super) fn above(request: &Request<'_>) -> f64 {
-    if request.to_beat.is_some() { ABOVE_NOISE_OF_LESS } else { ABOVE_NOISE }
 }
 
 /// Nuisance unknowns in their units.

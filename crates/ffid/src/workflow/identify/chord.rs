@@ -113,48 +113,38 @@ impl Chord {
         estimator: &mut ObservedEstimator<'_>,
     ) -> Vec<Option<(f64, Vec<f64>)>> {
         let extra: Vec<f64> = e.nuisance.iter().map(|p| p.value).collect();
-        let mut out = Vec::new();
-        for some in places.chunks(AT_ONCE) {
-            let at: Vec<At<'_>> = some.iter().map(|p| (&p.at[..], &extra[..])).collect();
-            let rows = estimator.rows_at(&at);
-            out.extend(some.iter().zip(rows).map(|(place, r)| self.judged(request, place, &r?)));
-        }
-        out
+        in_lots(places, &extra, estimator, |place, r| self.judged(request, place, &r))
     }
-    /// As [`Chord::looks`], where what is at a place may be there in any strength: the cost with the residuals `own` of the chord's point changed by
-    /// the part, within `parts`, of what they change by to the place that makes it lowest, all unknowns moved that are not fixed, and that part. Allocates the rows of [`AT_ONCE`].
+    /// As [`Chord::looks`] at places of the same `fixed` columns, where what is at a place may be there in any strength: the cost with the residuals `own` of the
+    /// chord's point changed by the part, within these bounds, of what they change by to the place that makes it lowest, all other unknowns moved, and that part. Allocates the
+    /// rows of [`AT_ONCE`].
     pub(super) fn looks_along(
         &self,
         request: &Request<'_>,
         own: &Here,
-        places: &[Place],
+        (places, fixed): (&[&Place], &[usize]),
         (least, most): (f64, f64),
         estimator: &mut ObservedEstimator<'_>,
     ) -> Vec<Option<(f64, f64)>> {
+        // What the free unknowns take of the residuals, and of a change of them.
+        let none = vec![0.0; fixed.len()];
         let slope = self.slope(&own.r, &own.known);
-        let one = |place: &Place, r: Vec<f64>| {
+        let Some(step) = self.solved(&slope, fixed, &none) else { return Vec::new() };
+        let left = own.cost - step.dot(&slope);
+        let less = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a - b).collect() };
+        in_lots(places, &own.extra, estimator, |place, r| {
             let there = Here::new(request, place.at.clone(), Vec::new(), r)?;
-            let less = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a - b).collect() };
             let change = (less(&there.r, &own.r), less(&there.known, &own.known));
             let by_change = self.slope(&change.0, &change.1);
-            // What the free unknowns take of each.
-            let none = vec![0.0; place.fixed.len()];
-            let (step, by_step) =
-                (self.solved(&slope, &place.fixed, &none)?, self.solved(&by_change, &place.fixed, &none)?);
+            let by_step = self.solved(&by_change, fixed, &none)?;
             let squares: f64 = change.0.iter().chain(&change.1).map(|c| c * c).sum();
             let products: f64 =
                 own.r.iter().zip(&change.0).chain(own.known.iter().zip(&change.1)).map(|(a, b)| a * b).sum();
             let (rise, bend) = (products - step.dot(&by_change), squares - by_step.dot(&by_change));
             let part = (-rise / bend).clamp(least, most);
-            let cost = own.cost - step.dot(&slope) + part * (2.0 * rise + part * bend);
+            let cost = left + part * (2.0 * rise + part * bend);
             cost.is_finite().then_some((cost, part))
-        };
-        let mut out = Vec::new();
-        for some in places.chunks(AT_ONCE) {
-            let at: Vec<At<'_>> = some.iter().map(|p| (&p.at[..], &own.extra[..])).collect();
-            out.extend(some.iter().zip(estimator.rows_at(&at)).map(|(place, r)| one(place, r?)));
-        }
-        out
+        })
     }
     /// See [`Chord::looks`], with the residuals of the data there.
     fn judged(&self, request: &Request<'_>, place: &Place, r: &[f64]) -> Option<(f64, Vec<f64>)> {
@@ -174,6 +164,21 @@ impl Chord {
         let physical = is_physical(request, &at);
         cost.is_finite().then(|| (cost, if physical { at } else { place.at.clone() }))
     }
+}
+
+/// What is made of the residuals at each of these places, of which [`AT_ONCE`] are held.
+fn in_lots<T>(
+    places: &[&Place],
+    extra: &[f64],
+    estimator: &mut ObservedEstimator<'_>,
+    one: impl Fn(&Place, Vec<f64>) -> Option<T>,
+) -> Vec<Option<T>> {
+    let mut out = Vec::new();
+    for some in places.chunks(AT_ONCE) {
+        let at: Vec<At<'_>> = some.iter().map(|p| (&p.at[..], extra)).collect();
+        out.extend(some.iter().zip(estimator.rows_at(&at)).map(|(place, r)| one(place, r?)));
+    }
+    out
 }
 
 /// Unknowns, and the residuals there: of the data, then of what is known.

@@ -81,9 +81,13 @@ impl Search<'_> {
         }
         out
     }
-    fn place(&self, at: Vec<f64>) -> Place {
+    /// Columns of what is lost.
+    fn fixed(&self) -> Vec<usize> {
         let is_lost = |k: &usize| self.lost.contains(&self.request.selected[*k]);
-        Place { at, fixed: (0..self.request.selected.len()).filter(is_lost).collect(), steps: 0 }
+        (0..self.request.selected.len()).filter(is_lost).collect()
+    }
+    fn place(&self, at: Vec<f64>) -> Place {
+        Place { at, fixed: self.fixed(), steps: 0 }
     }
     /// The best draw of a lot, and its cost in the strength that is best.
     fn start(
@@ -100,7 +104,8 @@ impl Search<'_> {
             self.place(at)
         };
         let places: Vec<Place> = (0..DRAWS).map(draw).collect();
-        let looked = chord.looks_along(request, here, &places, STRENGTHS, near);
+        let all: Vec<&Place> = places.iter().collect();
+        let looked = chord.looks_along(request, here, (&all, &self.fixed()), STRENGTHS, near);
         let mut found: Vec<(f64, Place)> = Vec::new();
         for (place, (cost, strength)) in places.iter().zip(looked).filter_map(|(p, l)| Some((p, l?))) {
             let mut at = place.at.clone();

@@ -5,7 +5,9 @@
 //! the model where the residuals have their power, and only then come random ones.
 
 use super::drawn_anew::Search;
-use super::ends::{FAR, LOWER, NOWHERE, WIDE, explains, given_back, gone_on, has_springs, is_spring, of_body, within};
+use super::ends::{
+    FAR, LOWER, NOWHERE, WIDE, explains, given_back, gone_on, has_springs, is_spring, keeps_rows, of_body, within,
+};
 use super::labelled_record::LabelledRecord;
 use super::lost::{as_others_are_told, bodies_strayed, given_life, has_lost, keep_whole, lost, strayed, vanished};
 use super::observed_estimator::ObservedEstimator;
@@ -19,7 +21,7 @@ use ff_dynamics::analysis::{Boundary, modes};
 use ff_least_squares::{Settings as Solver, Status};
 use ff_model::{Model, ParamGroup, Params};
 use ident::checks::whiteness;
-use ident::estimate::{Estimate, KEPT_BYTES, attempt};
+use ident::estimate::{Estimate, attempt};
 use ident::parameters::{is_damping, wide_start};
 use ident::{Estimator, Loss, Request};
 
@@ -246,8 +248,7 @@ fn drawn_anew(
     of: &Subject<'_>,
     estimator: &ObservedEstimator<'_>,
 ) -> Option<Lead> {
-    let large = first.residuals.len().saturating_mul(8 * request.selected.len()) > KEPT_BYTES;
-    if large || request.loss != Loss::Squares || !lost.iter().any(|&i| is_spring(request, i)) {
+    if !keeps_rows(request, first) || !lost.iter().any(|&i| is_spring(request, i)) {
         return None;
     }
     let (mut near, beyond) = estimator.beside(request, first, back)?;

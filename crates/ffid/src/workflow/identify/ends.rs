@@ -2,7 +2,7 @@
 
 use ff_model::ParamGroup;
 use ident::Request;
-use ident::estimate::Estimate;
+use ident::estimate::{Estimate, KEPT_BYTES};
 use ident::parameters::is_stiffness;
 
 /// Deviations of chi-squared per degree of freedom (`sqrt(2 / dof)`) above one at which a fit is taken to have ended in the wrong valley:
@@ -67,6 +67,12 @@ pub(super) fn of_body(request: &Request<'_>, i: usize) -> bool {
 /// Whether this parameter is a stiffness.
 pub(super) fn is_spring(request: &Request<'_>, i: usize) -> bool {
     is_stiffness(&request.decls[i])
+}
+
+/// Whether the rows of a fit are few enough to be kept with their columns.
+pub(super) fn keeps_rows(request: &Request<'_>, e: &Estimate) -> bool {
+    let columns = request.selected.len() + e.nuisance.len();
+    e.residuals.len().saturating_mul(8 * columns) <= KEPT_BYTES
 }
 
 /// Whether a stiffness is estimated.

@@ -13,7 +13,7 @@
 
 use super::chord::{Chord, Place};
 use super::elsewhere::{Subject, frequencies, own_mode};
-use super::ends::{explains, from_the_start, is_spring, owner};
+use super::ends::{explains, from_the_start, is_spring, keeps_rows, owner};
 use super::findings::{Alternative, Minima};
 use super::lost::{given_life, has_vanished};
 use super::mixture;
@@ -21,7 +21,7 @@ use super::observed_estimator::ObservedEstimator;
 use super::unresolved::Unresolved;
 use ff_least_squares::Settings as Solver;
 use ff_model::ParamGroup;
-use ident::estimate::{Estimate, KEPT_BYTES, attempt};
+use ident::estimate::{Estimate, attempt};
 use ident::{Loss, Request, Uncertainty};
 use nalgebra::DMatrix;
 
@@ -98,9 +98,7 @@ impl Ending {
 
 /// Whether a fit has ended at what explains its data, in squares, with rows few enough to be kept: there is sense in looking around it.
 pub(super) fn answers(request: &Request<'_>, e: &Estimate) -> bool {
-    let columns = request.selected.len() + e.nuisance.len();
-    let large = e.residuals.len().saturating_mul(8 * columns) > KEPT_BYTES;
-    request.loss == Loss::Squares && !large && e.is_solution() && explains(e)
+    request.loss == Loss::Squares && keeps_rows(request, e) && e.is_solution() && explains(e)
 }
 
 /// The fit, or a lower minimum beside it; with deviations that cover the others where the record does not choose, and a list of them.
