@@ -4,7 +4,7 @@ use ff_least_squares::EvalError;
 use ff_model::ParamDecl;
 use ff_testkit::assert_within;
 use ident::belief::Unknown;
-use ident::uncertain::{Component, Direction, EndOfFit, Hypothesis, Layout, Ranking, Scores, hypotheses};
+use ident::uncertain::{Combination, Component, Direction, EndOfFit, Hypothesis, Layout, Ranking, Scores, hypotheses};
 use ident::{Estimator, Request, estimate};
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
@@ -194,11 +194,17 @@ fn noise_of_the_motion_widens_what_chance_allows() {
     let values = fit(make(), &[]).0;
     let base = base();
     let at = end(&values, &base);
-    let of = |draws: &[usize]| Scores::new(&mut make(), &at, &[vec![(3, 1.0)].into()], draws).unwrap();
-    let (quiet, noisy) = (of(&[]).test(&[0], &[]).unwrap(), of(&[3, 6]));
+    let of = |draws: &[Combination]| Scores::new(&mut make(), &at, &[vec![(3, 1.0)].into()], draws).unwrap();
+    let (quiet, noisy) = (of(&[]).test(&[0], &[]).unwrap(), of(&[vec![(3, 1.0)], vec![(6, 1.0)]]));
     let tested = noisy.test(&[0], &[]).unwrap();
     assert!(quiet.p < 1e-6 && tested.p > 0.1 && tested.std[0] > 3.0 * quiet.std[0], "{quiet:?} {tested:?}");
     assert_eq!((noisy.drawn().shape(), quiet.drop), ((ROWS, 2), tested.drop));
+    // What a draw does to several records is one column of theirs: its noise is that of both.
+    let both = of(&[vec![(3, 1.0), (6, 1.0)]]);
+    assert_eq!((both.drawn().column(0).into_owned(), both.drawn().ncols()), (noisy.drawn().column_sum(), 1));
+    assert!(both.motion_noise() > noisy.motion_noise());
+    let over = both.drawn_over_unknowns() - noisy.drawn_over_unknowns().column_sum();
+    assert!(over.amax() < 1e-9 * both.drawn_over_unknowns().amax());
 }
 
 #[test]

@@ -15,12 +15,12 @@
 //! (`condense.rs`). The result equals [`crate::tree::forward::hybrid_dynamics`] (`theory.md` 2; `docs/theory/derivatives.md`).
 
 use crate::reduced::coupled;
+use crate::reduced::follow::Follow;
 use crate::reduced::table::{Arm, ArmSource, Frame, Prescribed, Site, products};
 use crate::tree::condense;
 use crate::work::port_work::PortWork;
 use core::ops::Range;
 use ff_lanes::{Kernel, WIDEST};
-use ff_model::scalar::lanes::{LaneTask, dispatch_one, splat};
 use ff_model::scalar::{LaneScalar, ModelScalar};
 use ff_model::spatial::vec3::{M3, PackedInertia, V3};
 use ff_model::tree::Coordinates;
@@ -274,99 +274,7 @@ pub const STAGE: [usize; 4] = [0, 1, 1, 2];
 /// Weights of its stages in the step.
 pub const WEIGHT: [f64; 4] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
 
-/// Integrates the reduced system from `z0 = [V 6 | eta m | nu m]` (classical RK4) and samples it.
-///
-/// Allocates the response and buffers once.
-///
-/// # Errors
-/// [`ReducedError`].
-///
-/// # Panics
-/// If `z0` has the wrong length.
-pub fn simulate_reduced(
-    model: &Model,
-    params: &Params<f64>,
-    table: &Prescribed,
-    z0: &[f64],
-) -> Result<Response, ReducedError> {
-    simulate_reduced_span(model, params, table, 0..table.samples, &mut z0.to_vec())
-}
-
-/// [`simulate_reduced`] over the samples `span` of the table, from the state `z` at the first of them on. `z` becomes the state at the
-/// sample `span.end`, from which the next part goes on; at the end of the table, that of its last sample. The parts give what the
-/// whole gives, bit for bit, and so do tables of parts ([`Prescribed::span`]) with one sample more than is asked for.
-///
-/// Allocates the response of the span and buffers once.
-///
-/// # Errors
-/// [`ReducedError`]; `z` is then as it was.
-///
-/// # Panics
-/// If `z` has the wrong length, or the span is empty or ends beyond the table.
-pub fn simulate_reduced_span(
-    model: &Model,
-    params: &Params<f64>,
-    table: &Prescribed,
-    span: Range<usize>,
-    z: &mut [f64],
-) -> Result<Response, ReducedError> {
-    let own = span.clone();
-    if let Some(done) =
-        coupled::over_tree(model, |tree| simulate_reduced_span(tree, params, table, own, z), Response::folded)
-    {
-        return done;
-    }
-    check(model)?;
-    assert_eq!(z.len(), 6 + 2 * model.np(), "initial state");
-    assert!(span.start < span.end && span.end <= table.samples, "samples of a span");
-    dispatch_one(Single { model, params, table, span, z })
-}
-
-struct Single<'a> {
-    model: &'a Model,
-    params: &'a Params<f64>,
-    table: &'a Prescribed,
-    span: Range<usize>,
-    z: &'a mut [f64],
-}
-
-impl LaneTask for Single<'_> {
-    type Output = Result<Response, ReducedError>;
-    #[inline(always)]
-    fn run<L: LaneScalar>(self) -> Self::Output {
-        let Self { model, params, table, span, z } = self;
-        let m = model.np();
-        let mut out = Response::new(span.len(), model.nj(), m);
-        let params = params.lift::<L>(model);
-        let mut sys = Reduced::new(model, &params, table);
-        let mut plain = vec![0.0; 12 + 3 * m + model.nj()];
-        let last = integrate(&mut sys, &splat::<L>(z), span, None, |i, z, u, tau| {
-            write_lane(&mut out, &mut plain, 0, (i, m), z, u, tau);
-        })?;
-        z.iter_mut().zip(&last).for_each(|(z, x)| *z = x.lane(0));
-        Ok(out)
-    }
-}
-
-/// Lane `lane` of a sample into `out`, through a buffer.
-#[inline(always)]
-pub(crate) fn write_lane<L: LaneScalar>(
-    out: &mut Response,
-    plain: &mut [f64],
-    lane: usize,
-    (i, m): (usize, usize),
-    z: &[L],
-    u: &[L],
-    tau: &[L],
-) {
-    let from = z.iter().chain(u).chain(tau);
-    plain.iter_mut().zip(from).for_each(|(x, y)| *x = y.lane(lane));
-    let (z, rest) = plain.split_at(6 + 2 * m);
-    let (u, tau) = rest.split_at(6 + m);
-    out.write(i, m, z, u, tau);
-}
-
-/// Classical RK4 over samples of the table; `write(sample, z, u, tau)` at each, counted from the first of them. The state at the end. With a place
+/// Classical RK4 over samples of the table, which are counted from the first of them. The state at the end. With a place
 /// for what fails in each lane, the others go on where the state of one is no longer finite.
 #[inline(always)]
 pub(crate) fn integrate<T: LaneScalar, S: ArmSource<T>>(
@@ -374,9 +282,9 @@ pub(crate) fn integrate<T: LaneScalar, S: ArmSource<T>>(
     z0: &[T],
     span: Range<usize>,
     lost: Option<&mut Lost>,
-    write: impl FnMut(usize, &[T], &[T], &[T]),
+    follow: impl Follow<T>,
 ) -> Result<Vec<T>, ReducedError> {
-    T::enter(Integrate { sys, z0, span, lost, write })
+    T::enter(Integrate { sys, z0, span, lost, follow })
 }
 
 /// What failed in each lane.
@@ -387,14 +295,14 @@ struct Integrate<'a, 'b, T: LaneScalar, S, F> {
     z0: &'a [T],
     span: Range<usize>,
     lost: Option<&'a mut Lost>,
-    write: F,
+    follow: F,
 }
 
-impl<T: LaneScalar, S: ArmSource<T>, F: FnMut(usize, &[T], &[T], &[T])> Kernel for Integrate<'_, '_, T, S, F> {
+impl<T: LaneScalar, S: ArmSource<T>, F: Follow<T>> Kernel for Integrate<'_, '_, T, S, F> {
     type Output = Result<Vec<T>, ReducedError>;
     #[inline(always)]
     fn run(self) -> Self::Output {
-        let Self { sys, z0, span, mut lost, mut write } = self;
+        let Self { sys, z0, span, mut lost, mut follow } = self;
         let table = sys.table;
         let mut rk = Rk4::new(sys.model, z0);
         let last = (table.samples - 1) * table.substeps;
@@ -414,8 +322,9 @@ impl<T: LaneScalar, S: ArmSource<T>, F: FnMut(usize, &[T], &[T], &[T])> Kernel f
                         return Err(e);
                     }
                 }
+                follow.stage(&rk.zs, &rk.u);
                 if sample {
-                    write(step / table.substeps - span.start, &rk.zs, &rk.u, &rk.tau);
+                    follow.sample(step / table.substeps - span.start, &rk.zs, &rk.u, &rk.tau);
                     if step == last {
                         break;
                     }

@@ -21,7 +21,7 @@ use crate::motion::tables::{Displaced, KEPT, Table, Tables};
 use crate::uncertain::oscillator::{self, Oscillator};
 use crate::uncertain::source::ErrorSource;
 use ff_dynamics::motion::HermiteTable;
-use ff_dynamics::reduced::sensitivity::Carried;
+use ff_dynamics::reduced::sensitivity::{Carried, sensitivities_over};
 use ff_dynamics::reduced::{Disturbance, simulate_reduced_batch, simulate_reduced_span};
 use ff_dynamics::{Boundary, Wanted, modes, sensitivities, simulate_reduced};
 use ff_least_squares::EvalError;
@@ -51,6 +51,8 @@ const BEGINNING: usize = 12;
 const TOO_COARSE: f64 = 2.0;
 /// Factor on the steps up to which they are made shorter until something is predicted.
 const SHORTEST: usize = 64;
+/// Numbers of all stages of an integration up to which they are kept for the derivatives along it (32 MB; three are kept).
+const KEPT_STAGES: usize = 1 << 22;
 /// The estimator for systems with passive coordinates.
 ///
 /// Torques and gyro may have sample times of their own; predictions are then interpolated where they were read
@@ -446,14 +448,19 @@ impl Estimator for OutputError<'_> {
         let (rows, tables) = (&self.rows, &mut self.tables);
         let params = Params::from_values(rows.model, full.to_vec());
         let (z, by) = (rows.start(&params, extra), rows.operators(extra)?);
+        let stages = 4 * rows.grid.0 * rows.options.substeps * (12 + 3 * rows.model.np());
+        let kept = rows.grid.0 <= KEPT && stages <= KEPT_STAGES;
         if rows.grid.0 <= KEPT {
             let table = tables.get(rows.model, &params, &rows.placed(extra), &Wanted::default());
-            let y = simulate_reduced(rows.model, &params, table, &z).map_err(failed)?;
-            rows.residuals(&Window::new(0, y, None), &by, extra, &rows.readings(), r);
+            let y = match kept {
+                true => self.remembered.spare.integrate(rows.model, &params, table, &z),
+                false => simulate_reduced(rows.model, &params, table, &z),
+            };
+            rows.residuals(&Window::new(0, y.map_err(failed)?, None), &by, extra, &rows.readings(), r);
         } else {
             by_spans(rows, tables, full, extra, r)?;
         }
-        self.remembered.keep(full, extra, r);
+        self.remembered.keep(full, extra, r, kept);
         Ok(())
     }
     /// In lanes, where base and appendages alone differ between the places, so that one table of the arm serves all.
@@ -531,7 +538,11 @@ impl Estimator for OutputError<'_> {
         let params = Params::from_values(rows.model, full.to_vec());
         let (z0, by) = (rows.start(&params, extra), rows.operators(extra)?);
         let table = tables.get(rows.model, &params, &rows.placed(extra), &wanted);
-        let (y, d) = sensitivities(rows.model, &params, table, &z0, &wanted).map_err(failed)?;
+        let made = match self.remembered.stages(full, extra) {
+            Some(stages) => sensitivities_over(rows.model, &params, table, stages, &wanted),
+            None => sensitivities(rows.model, &params, table, &z0, &wanted),
+        };
+        let (y, d) = made.map_err(failed)?;
         let (window, all) = (Window::new(0, y, Some(d)), rows.readings());
         rows.residuals(&window, &by, extra, &all, r);
         rows.jacobian(&window, (&by, extra), &straight, &all, j);

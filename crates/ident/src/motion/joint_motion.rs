@@ -105,6 +105,10 @@ pub(crate) struct MotionNoise {
 }
 
 impl MotionNoise {
+    /// How far the knots of the motion are apart (s).
+    pub(crate) fn spacing(&self) -> f64 {
+        self.spacing
+    }
     /// How many kinks the motion has.
     pub(crate) fn kinks(&self) -> usize {
         self.motion.kinks().count()

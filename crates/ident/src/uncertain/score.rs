@@ -12,14 +12,16 @@
 //! only products with B, r and itself are kept, so that memory does not grow with the rows.
 //!
 //! Noise of the encoders comes into the prediction through the joint motion and is in r besides the noise of the sensors. Given draws
-//! n_m of what it does to the residuals, `cov s = S + mean (C^T P n_m)(C^T P n_m)^T` takes the place of S in the test.
+//! n_m of what it does to the residuals, `cov s = S + mean (C^T P n_m)(C^T P n_m)^T` takes the place of S in the test. Of M draws, that is an
+//! estimate of `M / rho^2` degrees of freedom, with rho their part of the variance along what is tested, and the statistic one of Hotelling's.
 
+use crate::estimate::along;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::row_stream::RowBlock;
 use core::ops::Range;
 use ff_least_squares::{EvalError, Tall, triangle_of};
 use ff_linalg::LinalgError;
-use ff_spectral::chi_square::chi_square_survival;
+use ff_spectral::chi_square::{chi_square_survival, hotelling_survival};
 use nalgebra::{DMatrix, DVector};
 
 /// Part of the norm of a column that must be left behind the projection; below, the fit's unknowns can do what the error does.
@@ -85,6 +87,8 @@ pub struct Scores {
     asked: Vec<usize>,
     /// What draws of the motion's noise do to the residuals, rows x draws.
     drawn: DMatrix<f64>,
+    /// `B^T N`: see [`Scores::drawn_over_unknowns`].
+    over_unknowns: DMatrix<f64>,
     /// Squared residuals behind the projection, and rows less unknowns; what noise of the motion adds to the former.
     chi2: f64,
     freedom: usize,
@@ -146,16 +150,17 @@ impl Score {
 }
 
 /// The triangle of the columns of the base and the residuals, with the rows of priors below them, and the number of rows of the estimator. `each` is
-/// called with every block and its columns of the base.
+/// called with every block and its columns of the base. Columns of the base are combinations of those `along` these directions.
 pub(crate) fn folded(
     estimator: &mut dyn Estimator,
     at: &EndOfFit<'_>,
+    along: &[along::Direction],
     each: &mut dyn FnMut(&RowBlock, &DMatrix<f64>),
 ) -> Result<(DMatrix<f64>, usize), EvalError> {
     let n = at.base.len();
     let (mut triangle, mut rows) = (DMatrix::zeros(0, n + 1), 0);
     let (mut block, mut base) = (RowBlock::default(), DMatrix::zeros(0, n + 1));
-    for mut stream in estimator.streams(at.full, at.extra, at.selected)? {
+    for mut stream in estimator.streams_along(at.full, at.extra, along)? {
         while stream.next(&mut block)? {
             if let Some(of_fit) = at.residuals {
                 let places: Vec<_> = block.places().collect();
@@ -203,8 +208,8 @@ fn gather(block: &RowBlock, all: &[(usize, f64)], to: &mut DMatrix<f64>, column:
 }
 
 impl Scores {
-    /// Goes through the rows of `estimator` once. `components` are the columns of the errors, in any order; `draws` those
-    /// columns that hold what draws of the motion's noise do to the residuals. Allocates the square of the number of components, and
+    /// Goes through the rows of `estimator` once. `components` are the columns of the errors, in any order; `draws` what
+    /// draws of the motion's noise do to the residuals, each the sum of its columns: one of every record. Allocates the square of the number of components, and
     /// the rows of the draws.
     ///
     /// # Errors
@@ -213,7 +218,7 @@ impl Scores {
         mut estimator: &mut E,
         at: &EndOfFit<'_>,
         components: &[Direction],
-        draws: &[usize],
+        draws: &[Combination],
     ) -> Result<Self, EvalError> {
         Self::gathered(&mut estimator, at, components, draws)
     }
@@ -222,7 +227,7 @@ impl Scores {
         estimator: &mut dyn Estimator,
         at: &EndOfFit<'_>,
         components: &[Direction],
-        draws: &[usize],
+        draws: &[Combination],
     ) -> Result<Self, EvalError> {
         let (n, c, m) = (at.base.len(), components.len(), draws.len());
         let mut cross = DMatrix::zeros(n, c + m);
@@ -230,7 +235,8 @@ impl Scores {
         let mut drawn_rows = DMatrix::zeros(estimator.rows(), m);
         let left_out = estimator.left_out();
         let mut wide = DMatrix::zeros(0, c + m + 1);
-        let (triangle, rows) = folded(estimator, at, &mut |block, base| {
+        let along = along::Direction::of_columns(at.selected, at.full.len(), at.extra.len());
+        let (triangle, rows) = folded(estimator, at, &along, &mut |block, base| {
             of_rows(&mut wide, block.count());
             // A block has rows of one record.
             let first = block.rows.first().map_or(0, |r| r.start);
@@ -238,8 +244,8 @@ impl Scores {
                 let has = d.rows.as_ref().is_none_or(|r| r.contains(&first));
                 gather(block, if has { &d.columns } else { &[] }, &mut wide, to);
             }
-            for (k, &from) in draws.iter().enumerate() {
-                wide.set_column(c + k, &block.jacobian.column(from));
+            for (k, all) in draws.iter().enumerate() {
+                gather(block, all, &mut wide, c + k);
                 for (place, from) in block.places() {
                     let len = place.len();
                     drawn_rows.view_mut((place.start, k), (len, 1)).copy_from(&wide.view((from, c + k), (len, 1)));
@@ -267,11 +273,25 @@ impl Scores {
         let slope = own.column(c + m) - vc.tr_mul(&rest.rows(0, n));
         let drawn = own.columns(c, m) - vc.tr_mul(&vm);
         let noise = if m == 0 { DMatrix::zeros(c, c) } else { &drawn * drawn.transpose() / m as f64 };
+        let over_unknowns = r.tr_mul(&vm);
         let chi2 = rest.rows(n, rest.len() - n).norm_squared();
         let motion = (drawn_rows.norm_squared() - vm.norm_squared()).max(0.0) / m.max(1) as f64;
         let freedom = (rows + known.len()).saturating_sub(n + left_out);
         let asked = at.asked.to_vec();
-        Ok(Self { s, size, slope, noise, follow, deviation, asked, drawn: drawn_rows, chi2, freedom, motion })
+        Ok(Self {
+            s,
+            size,
+            slope,
+            noise,
+            follow,
+            deviation,
+            asked,
+            drawn: drawn_rows,
+            over_unknowns,
+            chi2,
+            freedom,
+            motion,
+        })
     }
     /// Chi-squared that is left behind the projection, over the degrees of freedom.
     pub fn chi2_per_dof(&self) -> f64 {
@@ -284,6 +304,10 @@ impl Scores {
     /// What draws of the motion's noise do to the residuals: one column per draw.
     pub fn drawn(&self) -> &DMatrix<f64> {
         &self.drawn
+    }
+    /// `B^T N` for the columns B of the unknowns of the fit and those N of the draws.
+    pub fn drawn_over_unknowns(&self) -> &DMatrix<f64> {
+        &self.over_unknowns
     }
     /// Chi-squared and degrees of freedom behind the projection.
     pub fn chi2(&self) -> (f64, usize) {
@@ -339,7 +363,11 @@ impl Scores {
         let inverse = usable(&s)?;
         let with_noise = usable(&(&s + &noise))?;
         let e = -(&inverse * &slope);
-        let tested = (slope.transpose() * &with_noise * &slope)[0];
+        let weights = &with_noise * &slope;
+        let tested = slope.dot(&weights);
+        // Noise of the motion is known by its draws, and by fewer of them counts for less the smaller a part it is of what is tested.
+        let drawn = (weights.transpose() * &noise * &weights)[0] / tested;
+        let known_by = if drawn > 0.0 { self.drawn.ncols() as f64 / drawn.powi(2) } else { f64::INFINITY };
         let covariance = &inverse * (&s + &noise) * &inverse;
         let scale = &scale[g..];
         let estimate: Vec<f64> = e.iter().zip(scale).map(|(e, s)| e / s).collect();
@@ -356,7 +384,7 @@ impl Scores {
         }
         let drop = (slope.transpose() * &inverse * &slope)[0];
         let freedom = of.len() + searched.freedom;
-        let p = (chi_square_survival(tested, freedom as f64) * searched.places).min(1.0);
+        let p = (hotelling_survival(tested, freedom as f64, known_by) * searched.places).min(1.0);
         let evidence = evidence(drop, freedom) - searched.places.ln();
         Some(Score { drop, freedom, p, evidence, estimate, std, moves, may_move })
     }

@@ -19,6 +19,7 @@ use crate::reduced::sensitivity::propagate::Flow;
 use crate::reduced::sensitivity::sink::{Samples, Sink};
 use crate::reduced::sensitivity::stage::Tangent;
 use crate::reduced::sensitivity::wanted::Wanted;
+use crate::reduced::stages::Stages;
 use crate::reduced::system::{Reduced, ReducedError, Response, Rk4, STAGE, check};
 use crate::reduced::table::Prescribed;
 use crate::sim::attitude::Attitude;
@@ -64,9 +65,9 @@ pub struct Sensitivities {
     pub attitude: Option<Attitude>,
 }
 
-/// Integrates the reduced system and its sensitivities from `z0`; see [`crate::reduced::system::simulate_reduced`].
+/// Integrates the reduced system and its sensitivities from `z0`; see [`crate::simulate_reduced`].
 ///
-/// The response is bit for bit that of [`crate::reduced::system::simulate_reduced`]. Allocates results and buffers once.
+/// The response is bit for bit that of [`crate::simulate_reduced`]. Allocates results and buffers once.
 ///
 /// ```
 /// # use ff_model::Params;
@@ -106,7 +107,7 @@ pub fn sensitivities(
     sensitivities_with(Isa::detect(), model, params, table, z0, wanted)
 }
 
-/// [`sensitivities`] with the lanes of a given instruction set. The response is that of [`crate::reduced::system::simulate_reduced`] to rounding, and
+/// [`sensitivities`] with the lanes of a given instruction set. The response is that of [`crate::simulate_reduced`] to rounding, and
 /// bit for bit with the set that the machine would choose. Allocates results and buffers once.
 ///
 /// # Errors
@@ -122,7 +123,27 @@ pub fn sensitivities_with(
     z0: &[f64],
     wanted: &Wanted,
 ) -> Result<(Response, Sensitivities), ReducedError> {
-    run(isa, model, params, table, 0..table.samples, &mut Carried::start(model, z0, wanted), wanted)
+    run(isa, model, (params, table, None), 0..table.samples, &mut Carried::start(model, z0, wanted), wanted)
+}
+
+/// [`sensitivities`] along stages that have been integrated with these parameters and this table: what it gives, bit for bit, without integrating
+/// again. Allocates results and buffers once.
+///
+/// # Errors
+/// [`ReducedError`].
+///
+/// # Panics
+/// As [`sensitivities`], and if `stages` are those of another number of steps or coordinates, or of an integration that failed.
+pub fn sensitivities_over(
+    model: &Model,
+    params: &Params<f64>,
+    table: &Prescribed,
+    stages: &Stages,
+    wanted: &Wanted,
+) -> Result<(Response, Sensitivities), ReducedError> {
+    let z0 = stages.at(0, model.np()).0;
+    let carried = &mut Carried::start(model, z0, wanted);
+    run(Isa::detect(), model, (params, table, Some(stages)), 0..table.samples, carried, wanted)
 }
 
 /// [`sensitivities`] over the samples `span` of the table, from what was `carried` to the first of them. `carried` becomes what is
@@ -144,14 +165,13 @@ pub fn sensitivities_span(
     carried: &mut Carried,
     wanted: &Wanted,
 ) -> Result<(Response, Sensitivities), ReducedError> {
-    run(Isa::detect(), model, params, table, span, carried, wanted)
+    run(Isa::detect(), model, (params, table, None), span, carried, wanted)
 }
 
 fn run(
     isa: Isa,
     model: &Model,
-    params: &Params<f64>,
-    table: &Prescribed,
+    (params, table, stages): (&Params<f64>, &Prescribed, Option<&Stages>),
     span: Range<usize>,
     carried: &mut Carried,
     wanted: &Wanted,
@@ -160,13 +180,17 @@ fn run(
     let folded = |map: &Coordinates, (r, s): (Response, Sensitivities)| {
         (Response::folded(map, r), Sensitivities { tau: coupled::rows(map, &s.tau), ..s })
     };
-    if let Some(done) = coupled::over_tree(model, |tree| run(isa, tree, params, table, own, carried, wanted), folded) {
+    let of_tree = |tree: &Model| run(isa, tree, (params, table, stages), own, carried, wanted);
+    if let Some(done) = coupled::over_tree(model, of_tree, folded) {
         return done;
     }
     check(model)?;
     assert!(span.start < span.end && span.end <= table.samples, "samples of a span");
     let columns = Columns::new(model, table, wanted);
-    dispatch(isa, Run { model, params, table, span, carried, wanted, columns: &columns })
+    let count = 4 * (table.samples - 1) * table.substeps + 1;
+    let along = stages.and_then(|stages| Some((stages, stages.response(count, model.np())?)));
+    assert_eq!(along.is_some(), stages.is_some(), "stages of an integration with this table");
+    dispatch(isa, Run { model, params, table, span, carried, wanted, along, columns: &columns })
 }
 
 struct Run<'a> {
@@ -176,6 +200,8 @@ struct Run<'a> {
     span: Range<usize>,
     carried: &'a mut Carried,
     wanted: &'a Wanted,
+    /// What has been integrated.
+    along: Option<(&'a Stages, &'a Response)>,
     columns: &'a Columns,
 }
 
@@ -183,7 +209,7 @@ impl LaneTask for Run<'_> {
     type Output = Result<(Response, Sensitivities), ReducedError>;
     #[inline(always)]
     fn run<L: LaneScalar>(self) -> Self::Output {
-        let Self { model, params, table, span, carried, wanted, columns } = self;
+        let Self { model, params, table, span, carried, wanted, along, columns } = self;
         let m = model.np();
         let lifted = params.lift::<L>(model);
         let single = params.lift::<L::One>(model);
@@ -211,6 +237,13 @@ impl LaneTask for Run<'_> {
             // The last sample is an evaluation without a step.
             'points: for step in first..first + steps.max(1) {
                 for stage in 0..4 {
+                    if let Some((stages, _)) = along {
+                        points.take(2 * step + STAGE[stage], stages.at(4 * step + stage, m));
+                        if step == last {
+                            break 'points;
+                        }
+                        continue;
+                    }
                     one_stage(&mut rk, &mut sys, step, stage)?;
                     points.push(2 * step + STAGE[stage], &rk.zs, &rk.u);
                     if stage == 0 && step % table.substeps == 0 {
@@ -223,7 +256,9 @@ impl LaneTask for Run<'_> {
                     }
                     rk.rate(table.step, stage);
                 }
-                rk.finish();
+                if along.is_none() {
+                    rk.finish();
+                }
             }
             if !points.differentiate(&mut tangent, &mut flow) {
                 return Err(ReducedError::Singular { t: table.start_s() + first as f64 * table.step });
@@ -244,6 +279,9 @@ impl LaneTask for Run<'_> {
                 flow.step(lane, step < last, &points.z, if sample { Some(&mut sink) } else { None });
             }
             if first == last {
+                if let Some((_, response)) = along {
+                    sink.response.clone_from(response);
+                }
                 return Ok(together(sink.done()));
             }
             first += steps;
@@ -319,6 +357,12 @@ impl<L: LaneScalar> Points<L> {
         self.nodes[self.count] = node;
         self.z[self.count].iter_mut().zip(z).for_each(|(x, z)| *x = z.lane(0));
         self.u[self.count].iter_mut().zip(u).for_each(|(x, u)| *x = u.lane(0));
+        self.count += 1;
+    }
+    fn take(&mut self, node: usize, (z, u): (&[f64], &[f64])) {
+        self.nodes[self.count] = node;
+        self.z[self.count].copy_from_slice(z);
+        self.u[self.count].copy_from_slice(u);
         self.count += 1;
     }
     fn point(&self, i: usize) -> (&[f64], &[f64]) {

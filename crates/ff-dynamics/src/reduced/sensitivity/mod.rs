@@ -11,5 +11,5 @@ pub(crate) mod stage;
 pub(crate) mod wanted;
 
 pub use carried::Carried;
-pub use driver::{Sensitivities, sensitivities, sensitivities_span, sensitivities_with};
+pub use driver::{Sensitivities, sensitivities, sensitivities_over, sensitivities_span, sensitivities_with};
 pub use wanted::Wanted;

@@ -1,11 +1,11 @@
 //! Derivatives of the tables with respect to kinematic parameters, in closed form (`sweep/displacement.rs`), and to sizes of disturbances
-//! of the motion, by forward dual numbers through [`ArmModel`].
+//! of the motion, by forward dual numbers.
 //!
 //! A parameter of a joint changes the arm, the frames on what the joint carries, and the rows of joints; one of a mount
 //! changes the frame of that mount alone, the same at all times where the host is the base. A disturbance of the motion changes arm,
 //! rows and all frames that move; a wrench on the base is a part of two numbers of the arm.
 
-use super::arm_model::ArmModel;
+use super::arm_model::general;
 use super::disturbance::{Disturbance, Disturbed, push};
 use super::instants::{Instants, scatter};
 use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW, columns};
@@ -15,11 +15,10 @@ use super::sweep::{Sweep, Twist, placement};
 use crate::motion::joint::JointMotion;
 use core::ops::Range;
 use ff_lanes::WIDEST;
-use ff_model::scalar::DIRECTIONS;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch};
-use ff_model::scalar::{D1, Grad, LaneScalar};
+use ff_model::scalar::{D1, Dual, LaneScalar};
 use ff_model::spatial::vec3::{M3, Pose, V3};
-use ff_model::tree::Placed;
+use ff_model::tree::{Mounted, Placed};
 use ff_model::{Kinematics, Model, Params, Xform};
 use nalgebra::Vector3;
 
@@ -123,7 +122,7 @@ impl Slopes {
         assert!(of.iter().all(|&i| i < all.len()), "disturbances: there are {}", all.len());
         let first = span.start * sampling.nodes_per_sample();
         let sampling = &Sampling { samples: span.len(), ..*sampling };
-        let (nj, nodes, per_sample) = (model.nj(), sampling.nodes(), sampling.nodes_per_sample());
+        let (nj, nodes) = (model.nj(), sampling.nodes());
         let empty = |&i: &usize| {
             let hosts = model.appendages().iter().enumerate().filter(|(_, a)| a.host > 0);
             let numbers = || vec![0.0; FRAME * nodes];
@@ -140,7 +139,7 @@ impl Slopes {
             match &all[i] {
                 Disturbance::Motion(m) => {
                     assert_eq!(m.dof(), nj, "joints of a disturbance");
-                    motions.push((m, slope));
+                    motions.push((&**m as &dyn JointMotion, slope));
                 }
                 Disturbance::Wrench(w) => {
                     for (node, numbers) in slope.arm.chunks_exact_mut(ARM).enumerate() {
@@ -152,33 +151,7 @@ impl Slopes {
         if motions.is_empty() {
             return;
         }
-        let (params, values) = (params.lift::<Grad>(model), kinematics.values());
-        let kinematics = Kinematics::from_values(model, values.iter().map(|&x| Grad::constant(x)).collect());
-        let site = |(k, a): (usize, &ff_model::tree::Mounted)| (a.host, kinematics.mount(k).apply(&a.mount));
-        let sites: Vec<(usize, Xform<Grad>)> = model.appendages().iter().enumerate().map(site).collect();
-        let mut arm = ArmModel::new(model, &params, &sites).displaced(&kinematics);
-        let (mut joints, mut change) = (vec![0.0; 3 * nj], vec![0.0; 3 * nj]);
-        let (mut x, mut numbers) = (vec![Grad::constant(0.0); 3 * nj], Vec::new());
-        let eval = |motion: &dyn JointMotion, t: f64, to: &mut [f64]| {
-            let (q, rest) = to.split_at_mut(nj);
-            let (qd, qdd) = rest.split_at_mut(nj);
-            motion.eval(t, q, qd, qdd);
-        };
-        for motions in motions.chunks_mut(DIRECTIONS) {
-            for node in 0..nodes {
-                let t = sampling.time_of(first + node);
-                eval(motion, t, &mut joints);
-                x.iter_mut().zip(&joints).for_each(|(x, &j)| *x = Grad::constant(j));
-                for (k, (m, _)) in motions.iter().enumerate() {
-                    eval(m, t, &mut change);
-                    x.iter_mut().zip(&change).for_each(|(x, &d)| x.eps[k] = d);
-                }
-                arm.numbers([&x[..nj], &x[nj..2 * nj], &x[2 * nj..]], node % per_sample == 0, &mut numbers);
-                for (k, (_, slope)) in motions.iter_mut().enumerate() {
-                    slope.take(k, &arm, &numbers, (node, per_sample));
-                }
-            }
-        }
+        dispatch(Isa::detect(), Disturb { model, params, kinematics, motion, sampling, first, motions });
     }
 }
 
@@ -264,6 +237,72 @@ impl LaneTask for Displace<'_, '_> {
     }
 }
 
+/// Derivatives of the tables with respect to the sizes of disturbances of the motion, several instants at a time, one per lane.
+struct Disturb<'a, 's> {
+    /// Not displaced.
+    model: &'a Model,
+    params: &'a Params<f64>,
+    kinematics: &'a Kinematics<f64>,
+    motion: &'a Disturbed<'a>,
+    sampling: &'a Sampling,
+    /// First node of the table among those of the motion.
+    first: usize,
+    motions: Vec<(&'a dyn JointMotion, &'s mut Slope)>,
+}
+
+impl LaneTask for Disturb<'_, '_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: LaneScalar>(self) {
+        let Self { model, params, kinematics, motion, sampling, first, mut motions } = self;
+        let (nj, nodes, per_sample) = (model.nj(), sampling.nodes(), sampling.nodes_per_sample());
+        let lifted = kinematics.values().iter().map(|&x| Dual::constant(L::splat(x))).collect();
+        let kinematics = Kinematics::<Dual<L, 1>>::from_values(model, lifted);
+        let mut sweep = Sweep::new(model, &params.lift(model)).displaced(&kinematics);
+        let site = |(k, a): (usize, &Mounted)| general(&kinematics.mount(k).apply(&a.mount));
+        let mounts: Vec<Pose<Dual<L, 1>>> = model.appendages().iter().enumerate().map(site).collect();
+        let (mut instants, mut change) = (Instants::<L>::new(nj), Instants::<L>::new(nj));
+        let mut joints: [Vec<Dual<L, 1>>; 3] = core::array::from_fn(|_| vec![Dual::constant(L::zero()); nj]);
+        let time = |node: usize| sampling.time_of(first + node);
+        for (rows, all) in [(true, sampling.samples), (false, nodes - sampling.samples)] {
+            for from in (0..all).step_by(L::N) {
+                let (group, count) = instants.read(motion, (rows, per_sample), from..all, time, |_, _| {});
+                let group = &group[..count];
+                for (by, slope) in &mut motions {
+                    change.read(*by, (rows, per_sample), from..all, time, |_, _| {});
+                    for (to, (at, by)) in joints.iter_mut().zip(instants.moving.iter().zip(&change.moving)) {
+                        for (to, (at, by)) in to.iter_mut().zip(at.iter().zip(by)) {
+                            *to = Dual { re: *at, eps: [*by] };
+                        }
+                    }
+                    let [q, qd, qdd] = &joints;
+                    sweep.outwards(q, qd, qdd);
+                    (1..=nj).rev().for_each(|i| sweep.inwards(i));
+                    scatter(&slope_of(&sweep.arm().numbers()), group, |n| n * ARM, &mut slope.arm);
+                    for i in (1..=nj).filter(|_| rows) {
+                        let at = |n: usize| (n / per_sample * nj + i - 1) * ROW;
+                        scatter(&slope_of(&sweep.row(i)), group, at, &mut slope.rows);
+                    }
+                    for f in &mut slope.frames {
+                        let frame = sweep.frame(model.appendages()[f.port].host, &mounts[f.port]);
+                        scatter(&slope_of(&frame.numbers()), group, |n| n * FRAME, &mut f.numbers);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The derivatives of numbers.
+#[inline(always)]
+fn slope_of<L: LaneScalar, const N: usize>(x: &[Dual<L, 1>; N]) -> [L; N] {
+    let mut out = [L::zero(); N];
+    for (out, x) in out.iter_mut().zip(x) {
+        *out = x.eps[0];
+    }
+    out
+}
+
 /// Whether joint `j` lies between a body and the base.
 fn carries(model: &Model, j: usize, mut body: usize) -> bool {
     while body > j + 1 {
@@ -273,21 +312,6 @@ fn carries(model: &Model, j: usize, mut body: usize) -> bool {
 }
 
 impl Slope {
-    /// Derivatives along direction `k` of the numbers of a disturbed arm at a node; rows of joints at samples only.
-    fn take(&mut self, k: usize, arm: &ArmModel<Grad>, numbers: &[Grad], (node, per_sample): (usize, usize)) {
-        let take = |to: &mut [f64], from: usize| {
-            to.iter_mut().zip(&numbers[from..]).for_each(|(t, x)| *t = x.eps[k]);
-        };
-        let nj = self.nj;
-        take(&mut self.arm[ARM * node..ARM * (node + 1)], 0);
-        if node % per_sample == 0 {
-            let first = ROW * nj * (node / per_sample);
-            take(&mut self.rows[first..first + ROW * nj], arm.row_at(0));
-        }
-        for f in &mut self.frames {
-            take(&mut f.numbers[FRAME * node..FRAME * (node + 1)], arm.frame_at(f.port));
-        }
-    }
     /// Whether arm and rows depend on the parameter.
     pub(crate) fn has_arm(&self) -> bool {
         !self.arm.is_empty()

@@ -6,6 +6,7 @@ use super::clocks::set_clocks;
 use super::decay::{DecayOutcome, decay_modes};
 use super::drives::behind_gears;
 use super::error::IdentifyError;
+use super::evidence::{Evidence, NamedError};
 use super::held_out::nuisance;
 use super::identified::Identified;
 use super::in_motion::{IN_MOTION, may_turn};
@@ -53,13 +54,13 @@ pub fn identify_checked(
     if found.result.method == Method::Ground || watch.ends_with_result() {
         return Ok((found, s, problems));
     }
-    if found.result.chi2_per_dof > s.limit {
+    if found.result.over_noise() > s.limit {
         axes(records, &s)?;
     }
     // Where a fit has not ended, what would lower chi-squared there says little against records that begin at rest.
     let seen = || found.result.status.is_solution() || records.iter().any(|t| may_turn(&t.record));
     let moving_may_be = speaks_for(&found, &[IN_MOTION]) && seen();
-    if found.result.chi2_per_dof > s.limit
+    if found.result.over_noise() > s.limit
         && !s.initial_state
         && moving_may_be
         && found.result.method == Method::OutputError
@@ -98,7 +99,7 @@ pub fn identify_checked(
             }
         }
     }
-    if found.result.chi2_per_dof > s.limit && speaks_for(&found, &["external-torque", "external-force"]) {
+    if found.result.over_noise() > s.limit && speaks_for(&found, &["external-torque", "external-force"]) {
         for (k, labelled) in records.iter().enumerate() {
             let at = found.values_in(records, k);
             let change = momentum(opened, (&found, &at), labelled, &s, watch);
@@ -107,7 +108,7 @@ pub fn identify_checked(
             }
             let change = checkable(change, labelled, "momentum", &mut problems)?;
             let Some(change) = change.flatten() else { continue };
-            let p = not_conserved(&change, labelled, checks.external_torque);
+            let p = not_conserved(&change, labelled, checks.external_torque, found.result.evidence.as_ref());
             if !checks.external_torque {
                 return Err(IdentifyError::Refused(Problems(vec![p])));
             }
@@ -207,7 +208,12 @@ fn momentum(
     momentum_change(model, record, fit.estimator(), at, beside, s.noise.gyro).map_err(IdentifyError::from)
 }
 
-fn not_conserved(c: &MomentumChange, labelled: &LabelledRecord, declared: bool) -> Problem {
+fn not_conserved(
+    c: &MomentumChange,
+    labelled: &LabelledRecord,
+    declared: bool,
+    evidence: Option<&Evidence>,
+) -> Problem {
     let when =
         c.at.map_or_else(|| "drifts steadily".to_owned(), |t| format!("jumps about {t:.1} s after the first sample"));
     let what = format!(
@@ -219,10 +225,16 @@ fn not_conserved(c: &MomentumChange, labelled: &LabelledRecord, declared: bool) 
     );
     let make = if declared { Problem::warning } else { Problem::error };
     // Both turn the gyro's rate by a ramp.
-    let hint = match c.at {
-        Some(_) => "leave the firing out of the record, or declare it with --external-torque",
-        None => {
+    let acting = |n: &&NamedError| n.name.starts_with("external-");
+    let hint = match (c.at, evidence.and_then(|e| e.named.iter().find(acting))) {
+        (Some(_), _) => "leave the firing out of the record, or declare it with --external-torque".to_owned(),
+        (None, Some(n)) => format!(
+            "{} would explain it, which --adopt {} estimates; --external-torque lets the record pass without",
+            n.text, n.name
+        ),
+        (None, None) => {
             "a torque acts, or the bias of the gyro drifts: --external-torque lets the record pass, and the tests of errors tell which it is"
+                .to_owned()
         }
     };
     make(Area::Data, "Data::MomentumNotConserved", what).on(&labelled.label).hint(hint)

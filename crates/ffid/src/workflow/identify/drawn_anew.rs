@@ -186,7 +186,8 @@ impl Search<'_> {
     fn explains(&self, led: &Estimate, beyond: f64) -> bool {
         let first = self.first;
         let chi2_per_dof = first.chi2_per_dof * (led.objective + beyond) / first.objective;
-        led.objective + beyond < first.objective - LOWER && within(&Estimate { chi2_per_dof, ..first.clone() }, FAR)
+        led.objective + beyond < first.objective - LOWER
+            && within(&Estimate { chi2_per_dof, ..first.clone() }, FAR, self.request.noise)
     }
 }
 
@@ -264,7 +265,7 @@ mod tests {
         let request = Request::new(&decls, &selected, &start);
         let mut record = Ringing::new();
         let first = attempt(&request, &mut record).unwrap();
-        assert!(!within(&first, FAR), "no test where the fit finds it: {}", first.chi2_per_dof);
+        assert!(!within(&first, FAR, 1.0), "no test where the fit finds it: {}", first.chi2_per_dof);
         let back = [first.values[0], 1.6, 52.0, 98.0, 2.3, 0.34];
         let observer = Observer::default();
         let mut near = ObservedEstimator::new(&mut record, &observer);

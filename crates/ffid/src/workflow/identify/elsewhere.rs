@@ -8,9 +8,12 @@ use super::drawn_anew::Search;
 use super::ends::{
     FAR, LOWER, NOWHERE, WIDE, explains, given_back, gone_on, has_springs, is_spring, keeps_rows, of_body, within,
 };
+use super::known::of_channel;
 use super::labelled_record::LabelledRecord;
 use super::lost::{as_others_are_told, bodies_strayed, given_life, has_lost, keep_whole, lost, strayed, vanished};
+use super::noise_floor::NoiseFloor;
 use super::observed_estimator::ObservedEstimator;
+use super::record_estimator::Twin;
 use super::row_layout::RowLayout;
 use super::settings::Settings;
 use super::signals::Signals;
@@ -20,7 +23,7 @@ use crate::workflow::amplitude::{PART, loudness};
 use ff_dynamics::analysis::{Boundary, modes};
 use ff_least_squares::{Settings as Solver, Status};
 use ff_model::{Model, ParamGroup, Params};
-use ident::checks::whiteness;
+use ident::checks::whiteness::{self, ChannelResiduals};
 use ident::estimate::{Estimate, attempt};
 use ident::parameters::{is_damping, wide_start};
 use ident::{Estimator, Loss, Request};
@@ -74,6 +77,10 @@ pub(super) struct Subject<'a> {
     pub(super) settings: &'a Settings,
     /// Standard deviation of every channel of a sample.
     pub(super) sigma: &'a [f64],
+    /// What predicts the records with other unknowns.
+    pub(super) twins: &'a [Twin<'a>],
+    /// What noise alone leaves.
+    pub(super) floor: &'a NoiseFloor,
 }
 
 /// The fit, or a better one from another start when it does not explain the record, leaves a line in the residuals, or a positive parameter has
@@ -95,7 +102,8 @@ pub(super) fn elsewhere(
         let (before, had_lost) = (at.objective, has_lost(request, &at));
         at = one_round(request, at, of, round, estimator);
         // Nor has anything been tried around an end that has lost an appendage on the way.
-        let led = at.objective < before - 2.0 * LOWER || !had_lost && !explains(&at) && has_lost(request, &at);
+        let led =
+            at.objective < before - 2.0 * LOWER || !had_lost && !explains(&at, request.noise) && has_lost(request, &at);
         let once_more = round.number < begun + AGAIN && at.chi2_per_dof > WIDE * request.noise;
         if estimator.stopped() || !(led || once_more) {
             break;
@@ -128,7 +136,7 @@ fn one_round(
     }
     // A line that is left over may be that of a mode in the wrong place, however little it adds to the whole.
     let mut lines = lines(&first, of);
-    let near = within(&first, FAR);
+    let near = within(&first, FAR, request.noise);
     if near {
         let modes = if lines.is_empty() { None } else { frequencies(of, &first.values) }.unwrap_or_default();
         let (slow, fast) = modes.iter().fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), f| (a.min(*f), b.max(*f)));
@@ -281,8 +289,8 @@ struct Lead {
 }
 
 impl Lead {
-    fn to(e: Estimate) -> Self {
-        Self { explains: explains(&e), objective: e.objective, values: e.values }
+    fn to(e: Estimate, noise: f64) -> Self {
+        Self { explains: explains(&e, noise), objective: e.objective, values: e.values }
     }
 }
 
@@ -301,7 +309,7 @@ fn led_best(
     };
     // What the thinned record makes of the end itself is what the others are measured by. It has fewer readings, so that it may be explained
     // there: that ends nothing.
-    let mut best = lead(&first.values, None, OWN).ok().map(Lead::to);
+    let mut best = lead(&first.values, None, OWN).ok().map(|e| Lead::to(e, request.noise));
     let own = best.as_ref().map(|b| b.objective);
     if follows_end && own.is_none() {
         return None;
@@ -314,7 +322,7 @@ fn led_best(
         let own = own.unwrap_or(by_reading * e.residuals.len() as f64);
         // One that is nearly there is led to its end, which is cheaper here than over all data. Far off, that may be the end of a wrong valley.
         for _ in 0..LONGER {
-            let unfinished = e.status == Status::IterationLimit && explains(&e);
+            let unfinished = e.status == Status::IterationLimit && explains(&e, request.noise);
             if !unfinished || e.objective >= (own - LOWER).min(to_beat) {
                 break;
             }
@@ -323,7 +331,7 @@ fn led_best(
                 _ => break,
             }
         }
-        let there = Lead::to(e);
+        let there = Lead::to(e, request.noise);
         let done = there.objective < own - LOWER && there.explains;
         if there.objective < to_beat {
             best = Some(there);
@@ -431,15 +439,20 @@ pub(super) fn own_mode(of: &Subject<'_>, values: &[f64], here: &[f64], i: usize)
 fn lines(first: &Estimate, of: &Subject<'_>) -> Vec<f64> {
     let mut found = Vec::new();
     let mut at = 0;
-    for t in of.records {
+    for (record, t) in of.records.iter().enumerate() {
         let rows = RowLayout::of(&t.record, of.sigma.len()).rows();
         let Some(part) = first.residuals.get(at..at + rows) else { break };
         at += rows;
         let signals = Signals::of(of.model, &t.record, part, of.sigma);
         for (k, sigma) in of.sigma.iter().enumerate() {
             let (read, rate) = signals.readings(k);
-            let whitened: Vec<f64> = read.iter().map(|r| r / sigma).collect();
-            if let Ok(c) = whiteness::check(&signals.names[k], &whitened, rate, &[])
+            let channel = ChannelResiduals {
+                channel: signals.names[k].clone(),
+                residuals: read.iter().map(|r| r / sigma).collect(),
+                rate_hz: rate,
+                besides: of.floor.drawn.get(record).map_or_else(Vec::new, |d| of_channel(d, k, &t.record)),
+            };
+            if let Ok(c) = whiteness::check_beside(&channel, &[])
                 && c.excess_p < POWER
             {
                 found.push((c.mean_square, c.peak_hz));

@@ -39,9 +39,9 @@ pub(super) fn allow_for_encoders(
         return Ok(None);
     }
     let Some(survey) = Survey::new(end, twins, s, &Columns::Shaken)? else { return Ok(None) };
-    let Some(added) = survey.shaken.and_then(|(fit, shaken)| covariance_of_motion_noise(&fit, &shaken)) else {
-        return Ok(None);
-    };
+    let drawn = survey.scores.drawn_over_unknowns();
+    let added = survey.shaken.as_ref().and_then(|(fit, shaken)| covariance_of_motion_noise(fit, drawn, shaken));
+    let Some(added) = added else { return Ok(None) };
     // Columns of the survey among the unknowns of the fit.
     let of_fit: Vec<&str> = e.uncertainty.unknowns.iter().map(|u| u.name.as_str()).collect();
     let place = |name: &String| of_fit.iter().position(|n| n == name);

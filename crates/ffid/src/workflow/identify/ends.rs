@@ -17,19 +17,16 @@ pub(super) const NOWHERE: f64 = 10.0;
 /// Half of chi-squared by which another end must be lower to be another valley.
 pub(super) const LOWER: f64 = 9.2;
 
-/// Whether chi-squared per degree of freedom is no further from one than errors of the model may leave it.
-pub(super) fn explains(e: &Estimate) -> bool {
-    within(e, NO_ANSWER)
+/// Whether chi-squared per degree of freedom is no further from what noise leaves than errors of the model may leave it.
+pub(super) fn explains(e: &Estimate, noise: f64) -> bool {
+    within(e, NO_ANSWER, noise)
 }
 
-/// [`explains`] where noise leaves the mean square `noise` ([`Request::noise`]), which may be more than was said.
-pub(super) fn explains_but_for(e: &Estimate, noise: f64) -> bool {
-    e.chi2_per_dof < noise && noise > 1.0 || explains(e)
-}
-
-/// Whether chi-squared per degree of freedom is within so many of its deviations of one.
-pub(super) fn within(e: &Estimate, deviations: f64) -> bool {
-    e.chi2_per_dof < 1.0 + deviations * (2.0 / e.residuals.len().max(1) as f64).sqrt()
+/// Whether chi-squared per degree of freedom is within so many of its deviations of one, or below the mean square `noise` that noise leaves
+/// ([`Request::noise`]), where that is more.
+pub(super) fn within(e: &Estimate, deviations: f64, noise: f64) -> bool {
+    let chance = 1.0 + deviations * (2.0 / e.residuals.len().max(1) as f64).sqrt();
+    e.chi2_per_dof < if noise > 1.0 { chance.max(noise) } else { chance }
 }
 
 /// The end of a fit with some of its parameters as the mission has them.

@@ -72,7 +72,14 @@ pub struct Evidence {
     pub columns: Vec<String>,
 }
 
+/// Part of the squared residuals from which noise of the encoders is said beside that of the other sensors.
+const HEARD: f64 = 0.01;
+
 impl Evidence {
+    /// Mean squared residual that is noise of the encoders, where that is a hundredth of that of the other sensors at least; zero else.
+    pub fn encoder_noise(&self) -> f64 {
+        self.motion_noise.filter(|&m| m > HEARD).unwrap_or(0.0)
+    }
     /// Errors with which fits end, each with those that explain the record beside it; `None` where no fit was made with the first. Allocates.
     pub fn refitted(&self) -> Option<String> {
         let mut out = String::new();

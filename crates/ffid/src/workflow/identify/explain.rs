@@ -5,6 +5,7 @@ use super::evidence::{ErrorSize, Evidence, Harm, NamedError, State};
 use super::extra_mode::{self, ExtraMode};
 use super::findings::Whiteness;
 use super::fitted::Ended;
+use super::noise_floor::NoiseFloor;
 use super::number::num;
 use super::record_estimator::Twin;
 use super::settings::Settings;
@@ -275,7 +276,8 @@ fn against(found: &Evidence, coloured: &[&Whiteness], chi2_per_dof: f64, limit: 
             format!("the residuals of {} stand out of the noise{at}", w.channel)
         }
         None if chi2_per_dof > limit => {
-            format!("residuals are {:.2} times the noise of the sensors", chi2_per_dof.sqrt())
+            let of = if found.encoder_noise() > 0.0 { ", encoders among them" } else { "" };
+            format!("residuals are {:.2} times the noise of the sensors{of}", chi2_per_dof.sqrt())
         }
         None => "what is left in the residuals follows an error of another kind".to_owned(),
     };
@@ -354,9 +356,19 @@ fn unsettled(found: &Evidence) -> String {
 }
 
 /// What the residuals say of the noise of the sensors, where that is other than was said, so that tests which take it for known say nothing of the
-/// model: `noise` is the mean square that it leaves ([`Request::noise`](ident::Request::noise)).
-pub(super) fn of_sensors(e: &Estimate, noise: f64, whiteness: &[Whiteness], s: &Settings) -> Option<String> {
-    if e.chi2_per_dof > s.limit && e.chi2_per_dof < noise {
+/// model.
+pub(super) fn of_sensors(
+    e: &Estimate,
+    floor: &NoiseFloor,
+    tests: Option<&Tests>,
+    whiteness: &[Whiteness],
+    s: &Settings,
+) -> Option<String> {
+    let encoders = tests.map_or(0.0, |t| t.motion_noise);
+    if floor.sensors > 1.0
+        && e.chi2_per_dof > s.limit * (1.0 + encoders)
+        && e.chi2_per_dof < floor.with_motion(Some(encoders))
+    {
         return Some(format!(
             "residuals are {:.2} times the noise of the sensors, and neighbouring readings scatter by as much: [sensors] gives them too \
              little noise; `ffid doctor` says how much they have",
@@ -385,7 +397,7 @@ fn hides_white_noise(w: &Whiteness) -> bool {
 /// What it comes to, given the fit's own figures, what noise alone leaves, and whether it had anything to estimate.
 pub(super) fn evidence(
     tests: Option<&Tests>,
-    (e, noise): (&Estimate, f64),
+    (e, floor): (&Estimate, &NoiseFloor),
     whiteness: &[Whiteness],
     estimates: bool,
     s: &Settings,
@@ -393,7 +405,9 @@ pub(super) fn evidence(
     // Outliers count as the loss counts them.
     let freedom = e.residuals.len() as f64 / e.residuals.iter().map(|r| r * r).sum::<f64>().max(f64::MIN_POSITIVE);
     let robust = e.residuals.iter().map(|&r| s.loss.rho(r)).sum::<f64>() / e.residuals.len().max(1) as f64;
-    let (chi2, limit) = (e.chi2_per_dof * freedom * robust, s.limit);
+    // Noise of the encoders is in the residuals besides that of the sensors.
+    let of_noise = 1.0 + tests.map_or(0.0, |t| t.motion_noise);
+    let (chi2, limit) = (e.chi2_per_dof * freedom * robust / of_noise, s.limit);
     let mut out = Evidence {
         false_alarms: uncertain::LEVEL + whiteness::LEVEL,
         tried: tests.map_or(0, |t| t.tested),
@@ -415,7 +429,7 @@ pub(super) fn evidence(
         out.reason = "the record is too short for tests of its residuals".into();
         return out;
     }
-    if let Some(reason) = of_sensors(e, noise, whiteness, s) {
+    if let Some(reason) = of_sensors(e, floor, tests, whiteness, s) {
         // Tests take chance for errors there.
         out.named.clear();
         (out.state, out.reason) = (State::Contradicted, reason);

@@ -52,6 +52,8 @@ pub(super) struct ExtraMode {
     drop: f64,
     /// Power of the residuals around the line, over that of noise: a line has to stand out of a colour, too.
     level: f64,
+    /// `p` of its test at its place alone, noise of the encoders allowed for: that rings modes of the robot as if there were another.
+    chance: f64,
 }
 
 /// Takes the size off a mode whose fit has not ended after so many linearisations: what a fit says that can still move has no deviation.
@@ -94,6 +96,7 @@ impl ExtraMode {
     /// Whether it stands out of the residuals around its line, which may have a colour, more than chance allows at this level.
     pub(super) fn stands_out(&self, level: f64) -> bool {
         evidence(self.drop / self.level, self.freedom()) - self.places.ln() > -level.ln()
+            && self.chance * self.places < level
     }
     /// Puts its numbers in place of the elements of its inertia.
     pub(super) fn describe(&self, line: &mut NamedError) {
@@ -257,7 +260,8 @@ pub(super) fn search(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Resul
         let places = (spectrum.places() * DAMPING.len()) as f64;
         let level = spectrum.level(here.frequency_hz);
         let drop = score.drop - shape.misfit;
-        found = Some(ExtraMode { oscillator: here.clone(), std, places, shape, drop, level });
+        let chance = score.p;
+        found = Some(ExtraMode { oscillator: here.clone(), std, places, shape, drop, level, chance });
         if ended {
             break;
         }

@@ -176,7 +176,7 @@ pub(super) fn whiteness(
 }
 
 /// Draws of one channel out of those of all, in the order of the rows.
-fn of_channel(drawn: &DMatrix<f64>, channel: usize, record: &Record) -> Vec<Vec<f64>> {
+pub(super) fn of_channel(drawn: &DMatrix<f64>, channel: usize, record: &Record) -> Vec<Vec<f64>> {
     let layout = RowLayout::of(record, record.joints() + 3);
     // The rigid method has no draws of its own rows.
     if drawn.nrows() != layout.rows() {

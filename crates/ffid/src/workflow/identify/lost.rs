@@ -94,7 +94,7 @@ pub(super) fn lost(request: &Request<'_>, e: &Estimate) -> (Vec<usize>, Vec<f64>
     // What has vanished has strayed.
     let strayed = strayed(request, e);
     let near = e.chi2_per_dof < WIDE * request.noise;
-    let untold = if explains(e) { Vec::new() } else { untold(request, e) };
+    let untold = if explains(e, request.noise) { Vec::new() } else { untold(request, e) };
     let by_more = strayed.iter().copied().filter(|&i| near && !is_damping(&request.decls[i])).chain(untold);
     let mut owners: Vec<_> = by_more.map(owner).collect();
     if owners.is_empty() {

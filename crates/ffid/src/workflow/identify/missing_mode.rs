@@ -133,8 +133,17 @@ impl Suspects<'_> {
         let (model, records) = (&at.opened.model, self.records);
         let signals = Signals::of_each(model, records, at.rows, &at.end.residuals, at.sigma);
         let (fitted, values) = (Fitted::of(at.end.clone(), &unknowns.selected), unknowns.expand(&at.end.values)?);
-        let end =
-            Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
+        let end = Ended {
+            model,
+            shared,
+            labels,
+            unknowns,
+            fitted: &fitted,
+            values: &values,
+            records,
+            signals: &signals,
+            heard: false,
+        };
         let found = extra_mode::search(&end, at.twins, at.settings)?;
         Ok(found.and_then(|mode| mode.modes(&end)))
     }

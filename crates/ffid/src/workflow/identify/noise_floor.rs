@@ -2,21 +2,65 @@
 //!
 //! A fit that ends with residuals three times the noise of the mission is in the wrong valley, unless the noise is three times what the mission says.
 //! Differences of the readings tell the two apart before anything is predicted, so that no time goes into a search for a better valley than the
-//! right one.
+//! right one. So does noise of the encoders, which the model passes on and no difference of the readings shows: draws of it say what it leaves
+//! (`docs/theory/evidence.md`).
 
 use super::labelled_record::LabelledRecord;
+use super::record_estimator::Twin;
 use super::row_layout::RowLayout;
 use crate::workflow::differences::white_noise;
-use nalgebra::DVectorView;
+use nalgebra::{DMatrix, DVectorView};
 
 /// Ratio of measured to stated variance below which the two are one.
 const SAME: f64 = 1.1;
 /// Factor on what was measured: differences do not know it better.
 const MARGIN: f64 = 1.05;
 
+/// Draws of the encoders' noise.
+pub(super) const DRAWS: usize = 6;
+/// Part of that of the sensors below which the encoders' noise changes nothing.
+const LITTLE: f64 = 0.01;
+/// Factor on what draws say of it: that is known to a tenth, and no better while parameters are far off.
+const ROUGHLY: f64 = 1.15;
+
+/// What noise alone leaves, as mean squared whitened residuals.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct NoiseFloor {
+    /// That of torque sensors and gyro: one where it is what was stated, or less.
+    pub(super) sensors: f64,
+    /// Draws of what the encoders' noise adds to the residuals of each record through the motion, a column each; none where that is little.
+    pub(super) drawn: Vec<DMatrix<f64>>,
+}
+
+impl NoiseFloor {
+    /// Of these records, the deviation of each channel of a sample being `sigma`, without noise of the encoders.
+    pub(super) fn of(records: &[LabelledRecord], sigma: &[f64]) -> Self {
+        Self { sensors: noise_floor(records, sigma), drawn: Vec::new() }
+    }
+    /// With noise of the encoders at these parameters of the model. Goes through the records once.
+    pub(super) fn at(&self, twins: &[Twin<'_>], values: &[f64]) -> Self {
+        let drawn: Option<Vec<_>> = twins.iter().map(|t| t.draws_of_motion(DRAWS, values)).collect();
+        let with = Self { sensors: self.sensors, drawn: drawn.unwrap_or_default() };
+        if with.encoders() > LITTLE { with } else { Self { sensors: self.sensors, drawn: Vec::new() } }
+    }
+    /// What noise of the encoders adds to the mean square.
+    fn encoders(&self) -> f64 {
+        let sum: f64 = self.drawn.iter().map(DMatrix::norm_squared).sum();
+        sum / self.drawn.iter().map(DMatrix::len).sum::<usize>().max(1) as f64
+    }
+    /// [`NoiseFloor::total`] with this part of the mean square that is noise of the encoders, where it was looked at.
+    pub(super) fn with_motion(&self, encoders: Option<f64>) -> f64 {
+        self.sensors + ROUGHLY * encoders.unwrap_or_else(|| self.encoders())
+    }
+    /// Mean squared residual below which there is nothing but noise, as [`ident::Request::noise`] has it.
+    pub(super) fn total(&self) -> f64 {
+        self.with_motion(None)
+    }
+}
+
 /// Mean squared whitened residual that white noise of the readings leaves of these records, the deviation of each channel of a sample being `sigma`: one
 /// where it is what was stated, or less.
-pub(super) fn noise_floor(records: &[LabelledRecord], sigma: &[f64]) -> f64 {
+fn noise_floor(records: &[LabelledRecord], sigma: &[f64]) -> f64 {
     let (mut sum, mut rows) = (0.0, 0.0);
     for t in records {
         let layout = RowLayout::of(&t.record, sigma.len());

@@ -31,7 +31,7 @@ const ORDERS: usize = 3;
 /// fit is far from the record, whatever the order. Allocates.
 pub(super) fn lower(request: &Request<'_>, end: &Estimate, estimator: &mut ObservedEstimator<'_>) -> Option<Estimate> {
     let springs: Vec<usize> = request.selected.iter().copied().filter(|&i| is_spring(request, i)).collect();
-    let starts = if explains(end) { starts(request, end, &springs) } else { Vec::new() };
+    let starts = if explains(end, request.noise) { starts(request, end, &springs) } else { Vec::new() };
     if starts.is_empty() {
         return None;
     }
@@ -159,7 +159,7 @@ mod tests {
         let mut wrong = attempt(&request, &mut Row).unwrap();
         assert!(wrong.is_solution() && wrong.values[0] < wrong.values[1], "{:?}", wrong.values);
         // Of as many readings as a record has, it is near.
-        assert!(!explains(&wrong));
+        assert!(!explains(&wrong, 1.0));
         let observer = Observer::default();
         let mut row = Row;
         let mut watched = ObservedEstimator::new(&mut row, &observer);

@@ -14,6 +14,7 @@ use ident::Estimator;
 use ident::SetupError;
 use ident::uncertain::ErrorSource;
 use ident::{Noise, Options, OutputError, Rda};
+use nalgebra::DMatrix;
 
 /// What integration may be off by, in deviations of an estimate.
 const STEP_ERROR: f64 = 0.02;
@@ -159,6 +160,11 @@ impl<'a> Twin<'a> {
     /// Kinks of its motion, and what they leave open ([`OutputError::kinks`]).
     pub(super) fn kinks(&self) -> (usize, usize, usize) {
         self.of.as_ref().map_or((0, 0, 0), OutputError::kinks)
+    }
+    /// What draws of the encoders' noise do to the residuals at these parameters, a column each; none where nothing is predicted there, or no motion was
+    /// fitted.
+    pub(super) fn draws_of_motion(&self, draws: usize, full: &[f64]) -> Option<DMatrix<f64>> {
+        self.of.as_ref()?.draws_of_motion(draws, full).ok()?
     }
     /// Output error of the same record with other options, for columns that need not be exact ([`OutputError::survey`]); for the rigid
     /// method, whose torques are predicted from the gyro, made anew.

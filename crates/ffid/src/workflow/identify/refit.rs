@@ -5,7 +5,7 @@
 //! the first began.
 
 use super::assembly::{Assembled, Setup};
-use super::ends::{NOWHERE, WIDE, explains_but_for};
+use super::ends::{NOWHERE, WIDE, explains};
 use super::error::IdentifyError;
 use super::evidence::{EXTRA_MODE, ErrorSize, NamedError, State};
 use super::explain::{self, CLOSE, Tests, in_words};
@@ -14,6 +14,7 @@ use super::fitted::{Ended, Fitted};
 use super::known;
 use super::labelled_record::LabelledRecord;
 use super::mounted_mode::Mounted;
+use super::noise_floor::NoiseFloor;
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
 use super::record_estimator::Twin;
@@ -62,6 +63,8 @@ pub(super) struct Contradicted<'a, 't> {
     pub(super) white: bool,
     /// Mean squared residual that noise alone leaves ([`Request::noise`]).
     pub(super) noise: f64,
+    /// What noise alone leaves.
+    pub(super) floor: &'a NoiseFloor,
 }
 
 /// What came of fitting an error.
@@ -121,7 +124,7 @@ impl Contradicted<'_, '_> {
         found.sort_by(|a, b| worth(&b.line).total_cmp(&worth(&a.line)));
         // What the error has led the first fit to may be another valley, from which none leads back.
         if self.over_noise() > WIDE
-            && let Some(best) = found.first().filter(|f| !explains_but_for(&f.estimate, self.noise))
+            && let Some(best) = found.first().filter(|f| !explains(&f.estimate, self.noise))
             && let Tried::Fitted(anew) = self.fit(&best.line, tests, false)?
             && anew.estimate.objective < best.estimate.objective - CLOSE
         {
@@ -203,7 +206,7 @@ impl Contradicted<'_, '_> {
             if ended {
                 tests.explained = Some((best.line.drop / excess).min(1.0));
                 tests.with_first = Some(self.left(best)?.0);
-            } else if !explains_but_for(&best.estimate, self.noise) {
+            } else if !explains(&best.estimate, self.noise) {
                 tests.with_first = Some(State::Contradicted);
             }
             found.retain(|f| f.estimate.objective < least + CLOSE);
@@ -339,6 +342,7 @@ impl Contradicted<'_, '_> {
             values: &values,
             records: self.records,
             signals: &signals,
+            heard: !self.floor.drawn.is_empty(),
         };
         if !fitted.estimate.is_solution() {
             return Ok((State::NotTested, Vec::new()));
@@ -346,7 +350,7 @@ impl Contradicted<'_, '_> {
         let tests = explain::tests(&end, &twins, &fit.settings)?;
         let heard = tests.as_ref().filter(|t| t.motion_noise > 0.0).map_or(&[][..], |t| &t.drawn);
         let whiteness = known::whiteness(self.records, &signals, &[], heard);
-        let found = explain::evidence(tests.as_ref(), (&fitted.estimate, self.noise), &whiteness, true, &fit.settings);
+        let found = explain::evidence(tests.as_ref(), (&fitted.estimate, self.floor), &whiteness, true, &fit.settings);
         let mut behind = found.named;
         if let Some(alone) = behind.iter().skip(1).position(|n| !n.beside) {
             behind.truncate(1 + alone);

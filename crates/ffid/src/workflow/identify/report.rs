@@ -6,6 +6,7 @@ use super::findings::{PriorConflict, RecordFit};
 use super::fitted::Fitted;
 use super::known;
 use super::labelled_record::LabelledRecord;
+use super::noise_floor::NoiseFloor;
 use super::options::FitOptions;
 use super::result::body::BodyLine;
 use super::result::channel::ModeLine;
@@ -37,8 +38,8 @@ pub(super) struct Report<'a> {
     pub(super) values: &'a [f64],
     /// Tests of errors.
     pub(super) tests: Option<&'a explain::Tests>,
-    /// Mean squared residual that noise alone leaves.
-    pub(super) noise: f64,
+    /// What noise alone leaves.
+    pub(super) floor: &'a NoiseFloor,
 }
 
 impl Report<'_> {
@@ -85,7 +86,7 @@ impl Report<'_> {
         let heard = self.tests.filter(|t| t.motion_noise > 0.0).map_or(&[][..], |t| &t.drawn);
         let whiteness = known::whiteness(self.records, self.signals, &modes, heard);
         let evidence =
-            explain::evidence(self.tests, (e, self.noise), &whiteness, !parameters.is_empty(), self.settings);
+            explain::evidence(self.tests, (e, self.floor), &whiteness, !parameters.is_empty(), self.settings);
         let first = &self.records[0].record;
         Ok(IdentificationResult {
             status: Ended::of(&e.status, &names, flattest(&e.data_only)),

@@ -8,7 +8,7 @@ use super::course::Course;
 use super::drives;
 use super::elsewhere::{Subject, elsewhere, follows};
 use super::encoder_noise::{allow_for_encoders, kinked, said};
-use super::ends::{WIDE, explains, from_the_start, gone_on, has_springs};
+use super::ends::{FAR, WIDE, explains, from_the_start, gone_on, has_springs, within};
 use super::error::IdentifyError;
 use super::evidence::State;
 use super::explain::{self, Tests};
@@ -20,7 +20,7 @@ use super::known;
 use super::labelled_record::LabelledRecord;
 use super::lost::has_lost;
 use super::mission_end::allow_for_mission;
-use super::noise_floor::noise_floor;
+use super::noise_floor::NoiseFloor;
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
 use super::orders;
@@ -101,12 +101,14 @@ fn identify_from(
     known::profiled(unknowns, options)?;
     let fit = setup.assembly(model, records);
     let Assembled { mut whole, twins, sigma, rows } = fit.assemble(uncertain)?;
-    let noise = noise_floor(records, &sigma);
+    let start = begun.map_or(&unknowns.start, |e| &e.values);
+    let floor = NoiseFloor::of(records, &sigma).at(&twins, &unknowns.expand(start)?);
+    let noise = floor.total();
     let mut request = Request { noise, ..setup.request()? };
     // Standard deviations are those of the noise that there is.
     request.settings.gain_tolerance *= noise;
     let mut watched = ObservedEstimator::new(&mut *whole, watch);
-    let subject = Subject { model, records, unknowns, settings, sigma: &sigma };
+    let subject = Subject { model, records, unknowns, settings, sigma: &sigma, twins: &twins, floor: &floor };
     let suspects = Suspects { opened, records, settings: given.0, options: given.1, setup: &setup, watch, noise };
     let fitted = solve(&request, begun, &subject, options, &suspects, &mut watched);
     let ended = |at: &ObservedEstimator<'_>| {
@@ -127,7 +129,8 @@ fn identify_from(
         fitted?
     };
     let values = unknowns.expand(&fitted.estimate.values)?;
-    let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &[] };
+    let heard = !floor.drawn.is_empty();
+    let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &[], heard };
     let mut shaken = Vec::new();
     if !watch.ends_with_result()
         && let Some((wider, by)) = allow_for_encoders(&end, &twins, settings)?
@@ -162,7 +165,8 @@ fn identify_from(
         None => None,
     };
     let signals = Signals::of_each(model, records, &rows, &fitted.estimate.residuals, &sigma);
-    let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals };
+    let end =
+        Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals, heard };
     let ended_well = fitted.estimate.is_solution();
     let named_already = suspected.is_some() || options.start_at_posterior && !ended_well;
     let mut found = suspected;
@@ -173,11 +177,22 @@ fn identify_from(
     if found.is_none() && goes_on() && (ended_well || method(model, settings.method) == Method::OutputError) {
         found = explain::tests(&end, &twins, settings)?;
     }
+    // Draws at the end say what noise of the encoders leaves there.
+    let noise = floor.with_motion(found.as_ref().map(|t| t.motion_noise));
     let tests = found.as_ref();
     let coloured = coloured_deviations(&end, &rows, sigma.len(), settings, &mut watched);
     let coloured = if watched.stopped() && !watch.partial { return Err(ended(&watched)) } else { coloured };
-    let mut report =
-        Report { opened, records, settings, options, unknowns, signals: &signals, values: &values, tests, noise };
+    let mut report = Report {
+        opened,
+        records,
+        settings,
+        options,
+        unknowns,
+        signals: &signals,
+        values: &values,
+        tests,
+        floor: &floor,
+    };
     let mut stated = &fitted;
     if let (Some(own), Some(c)) = (&own, &considered) {
         (report.unknowns, report.values, stated) = (own, &c.values, &c.fitted);
@@ -212,7 +227,7 @@ fn identify_from(
     }
     watched.leave(|unknown| unknowns.expand(unknown));
     let tried = tests.map_or_else(Vec::new, |t| t.alone.clone());
-    let noisy = explain::of_sensors(&fitted.estimate, noise, &result.whiteness, settings).is_some();
+    let noisy = explain::of_sensors(&fitted.estimate, &floor, tests, &result.whiteness, settings).is_some();
     if let Some(tests) = found.as_mut().filter(|_| {
         !named_already && goes_on() && own.is_none() && (!ended_well || result.state() == State::Contradicted && !noisy)
     }) {
@@ -227,11 +242,12 @@ fn identify_from(
             watch,
             white,
             noise,
+            floor: &floor,
         };
         watch.unless_ended(end.named_by_fits(tests))?;
         let estimates = !result.parameters.is_empty();
         let evidence =
-            explain::evidence(Some(tests), (&fitted.estimate, noise), &result.whiteness, estimates, settings);
+            explain::evidence(Some(tests), (&fitted.estimate, &floor), &result.whiteness, estimates, settings);
         result.evidence = Some(evidence);
     }
     if let Some(after) = after {
@@ -409,6 +425,17 @@ fn solve(
             }
             None => attempt(&Request { other_starts: Some(OtherStarts(&tuned)), ..quick.clone() }, estimator)?,
         };
+        // Noise of the encoders at the end of the fit, where it is no more than where it began: a spring on the wrong way may ring with it.
+        let at_end = if within(&best, FAR, of.floor.sensors) {
+            None
+        } else {
+            unknowns.expand(&best.values).ok().map(|values| of.floor.at(of.twins, &values))
+        };
+        let floor = at_end.filter(|end| end.total() < of.floor.total() || of.floor.drawn.is_empty());
+        let of = &Subject { floor: floor.as_ref().unwrap_or(of.floor), ..*of };
+        let request = &Request { noise: of.floor.total(), ..request.clone() };
+        let suspects = &Suspects { noise: request.noise, ..*suspects };
+        let quick = Request { noise: request.noise, ..quick };
         // Ten linearisations may have led near the answer after all.
         if best.chi2_per_dof < WIDE * request.noise && !best.crept {
             best = finished(&quick, best, estimator)?;
@@ -446,7 +473,7 @@ fn solve(
             let unfinished = best.given_up;
             best = finished(request, best, estimator)?;
             // What is lost on the rest of the way was not lost yet where other starts were looked for.
-            if unfinished && !explains(&best) && has_lost(request, &best) {
+            if unfinished && !explains(&best, request.noise) && has_lost(request, &best) {
                 best = elsewhere(&quick, best, true, of, estimator);
                 best = finished(request, best, estimator)?;
             }

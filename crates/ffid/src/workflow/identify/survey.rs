@@ -22,6 +22,11 @@ use nalgebra::DMatrix;
 const DRAWS: usize = 6;
 /// Those that are added to the motion and taken off it.
 const SHAKEN: usize = 3;
+/// Draws where that noise is heard in the residuals: as many as directions that the estimates may move along, and no more numbers than [`ROOM`] where
+/// there are [`DRAWS`] at least.
+const MANY: usize = 24;
+/// See [`MANY`] (128 MB).
+const ROOM: usize = 1 << 24;
 
 /// Deviations of what was known before that a parameter may be off by where a record does not tell it.
 const WIDE: f64 = 30.0;
@@ -51,7 +56,7 @@ pub(super) struct Survey {
     pub(super) oscillators: Vec<Vec<usize>>,
     /// Normal equations of the fit, and those with noise of the encoders added to the motion and taken off it, draw after draw; none unless they were asked
     /// for and the motion was fitted.
-    pub(super) shaken: Option<(NormalEquations, Vec<NormalEquations>)>,
+    pub(super) shaken: Option<(NormalEquations, Vec<[NormalEquations; 2]>)>,
 }
 
 /// An estimator with these columns beside those of the fit.
@@ -63,14 +68,16 @@ fn wide<'m>(
     estimated: &dyn Fn(&str) -> bool,
 ) -> Result<OutputError<'m>, SetupError> {
     let model = end.model;
-    let plain = Options { deflected_at: Some(end.values.to_vec()), motion_noise: DRAWS, ..Options::new(s.noise) };
+    let numbers = of.record().samples() * (model.nj() + 3);
+    let draws = if end.heard { MANY.min((ROOM / numbers.max(1)).max(DRAWS)) } else { DRAWS };
+    let plain = Options { deflected_at: Some(end.values.to_vec()), motion_noise: draws, ..Options::new(s.noise) };
     let (mut options, oscillators) = match columns {
         Columns::Every(extra) => {
             let found: Vec<Oscillator> = extra.iter().map(|m| m.oscillator()).collect();
             (uncertain::with_every_column(model, &plain), found)
         }
         Columns::Oscillators(all) => (with_columns_of(model, &plain, estimated), all.to_vec()),
-        Columns::Shaken => (with_columns_of(model, &Options { motion_noise: SHAKEN, ..plain }, estimated), Vec::new()),
+        Columns::Shaken => (with_columns_of(model, &plain, estimated), Vec::new()),
     };
     for (k, o) in oscillators.iter().enumerate() {
         options.errors.extend(columns_of(o).map(|c| ErrorSource::Oscillator(k, c)));
@@ -298,8 +305,13 @@ impl Survey {
         };
         base.iter_mut().for_each(|(c, _)| c.iter_mut().for_each(|c| c.0 = place(c.0)));
         layout.components.iter_mut().for_each(|d| d.columns.iter_mut().for_each(|c| c.0 = place(c.0)));
-        let drawn = (decls.len()..names.len()).filter(|&i| names[i].contains("motion.noise["));
-        let draws: Vec<usize> = drawn.map(place).collect();
+        // A draw is one of all records, each with its own noise.
+        let columns_of_draw = |k: usize| -> ident::uncertain::Combination {
+            let of_draw = format!("motion.noise[{k}]");
+            let own = (decls.len()..names.len()).filter(|&i| names[i].ends_with(&of_draw));
+            own.map(|i| (place(i), 1.0)).collect()
+        };
+        let draws: Vec<_> = (0..).map(columns_of_draw).take_while(|c| !c.is_empty()).collect();
         let at_end = EndOfFit {
             full: end.values,
             extra: &extra,
@@ -314,7 +326,7 @@ impl Survey {
         let shaken = if matches!(columns, Columns::Shaken) { shaken(&mut *all, &at_end, &nuisance) } else { None };
         let (mut drawn, mut first) = (Vec::new(), 0);
         for (n, order) in rows.iter().zip(&orders) {
-            let of_rows = sum_of_records(scores.drawn(), first, *n, twins.len());
+            let of_rows = scores.drawn().rows(first, *n);
             let mut by_sample = DMatrix::zeros(*n, of_rows.ncols());
             order.iter().enumerate().for_each(|(row, &at)| by_sample.set_row(at, &of_rows.row(row)));
             drawn.push(by_sample);
@@ -329,7 +341,7 @@ fn shaken(
     estimator: &mut dyn Estimator,
     end: &EndOfFit<'_>,
     nuisance: &[Unknown],
-) -> Option<(NormalEquations, Vec<NormalEquations>)> {
+) -> Option<(NormalEquations, Vec<[NormalEquations; 2]>)> {
     let mut at = |size: f64, draw: usize| {
         let mut extra = end.extra.to_vec();
         let mut found = false;
@@ -343,8 +355,7 @@ fn shaken(
         found.then(|| NormalEquations::new(&mut *estimator, &shaken).ok())?
     };
     let still = at(0.0, 0)?;
-    let all: Option<Vec<NormalEquations>> =
-        (0..SHAKEN).flat_map(|k| [(1.0, k), (-1.0, k)]).map(|(size, k)| at(size, k)).collect();
+    let all: Option<Vec<_>> = (0..SHAKEN).map(|k| Some([at(1.0, k)?, at(-1.0, k)?])).collect();
     Some((still, all?))
 }
 
@@ -356,15 +367,4 @@ fn order(rows: usize, channels: usize, interleaved: bool) -> Vec<usize> {
     let (samples, joints) = (rows / channels, channels - 3);
     let torques = (0..samples).flat_map(|i| (0..joints).map(move |c| i * channels + c));
     torques.chain((0..samples).flat_map(|i| (joints..channels).map(move |c| i * channels + c))).collect()
-}
-
-/// Draws of one record: those of the others have no rows here, so that the sum over records is its own.
-fn sum_of_records(drawn: &DMatrix<f64>, first: usize, rows: usize, records: usize) -> DMatrix<f64> {
-    let draws = drawn.ncols() / records.max(1);
-    let mut out = DMatrix::zeros(rows, draws);
-    for k in 0..drawn.ncols() {
-        let mut column = out.column_mut(k % draws.max(1));
-        column += drawn.view((first, k), (rows, 1)).column(0);
-    }
-    out
 }

@@ -8,7 +8,7 @@
 //! that may not have been at rest when a record began is fitted from a start in motion, and modes are looked for that the mission lacks.
 
 use super::assembly::{Assembled, Assembly, Setup};
-use super::ends::{WIDE, explains_but_for, from_the_start, gone_on, owner};
+use super::ends::{WIDE, explains, from_the_start, gone_on, owner};
 use super::error::IdentifyError;
 use super::evidence::{ErrorSize, NamedError, State};
 use super::explain::{Tests, in_words, tests_of_listed};
@@ -317,7 +317,17 @@ impl Suspects<'_> {
         let (fitted, values) = (Fitted::of(e.clone(), &unknowns.selected), unknowns.expand(&e.values)?);
         let (model, records, signals) = (&self.opened.model, self.records, &[][..]);
         tests_of_listed(
-            &Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals },
+            &Ended {
+                model,
+                shared,
+                labels,
+                unknowns,
+                fitted: &fitted,
+                values: &values,
+                records,
+                signals,
+                heard: false,
+            },
             twins,
             s,
         )
@@ -337,7 +347,7 @@ impl Suspects<'_> {
     }
     /// Whether a fit leaves no more than noise.
     pub(super) fn explained(&self, e: &Estimate) -> bool {
-        explains_but_for(e, self.noise)
+        explains(e, self.noise)
     }
     /// The fit with errors to the noise of the sensors; `None` where that does not follow the record.
     fn fitted(&self, stuck: &Estimate, errors: Vec<NamedError>, with: &Shape) -> Result<Option<With>, IdentifyError> {

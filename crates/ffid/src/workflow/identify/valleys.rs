@@ -98,7 +98,7 @@ impl Ending {
 
 /// Whether a fit has ended at what explains its data, in squares, with rows few enough to be kept: there is sense in looking around it.
 pub(super) fn answers(request: &Request<'_>, e: &Estimate) -> bool {
-    request.loss == Loss::Squares && keeps_rows(request, e) && e.is_solution() && explains(e)
+    request.loss == Loss::Squares && keeps_rows(request, e) && e.is_solution() && explains(e, request.noise)
 }
 
 /// The fit, or a lower minimum beside it; with deviations that cover the others where the record does not choose, and a list of them.

@@ -142,6 +142,10 @@ pub struct IdentificationResult {
 }
 
 impl IdentificationResult {
+    /// Chi-squared per degree of freedom over what noise leaves, that of the encoders among it: 1 when model and noise figures are right.
+    pub fn over_noise(&self) -> f64 {
+        self.chi2_per_dof / (1.0 + self.evidence.as_ref().map_or(0.0, Evidence::encoder_noise))
+    }
     /// Without any finding.
     pub(in crate::workflow::identify) fn empty(robot: &str, method: Method, provenance: Provenance) -> Self {
         Self {

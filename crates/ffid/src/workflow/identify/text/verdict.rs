@@ -140,14 +140,14 @@ pub fn verdict(r: &IdentificationResult) -> Vec<String> {
         ));
     }
     out.extend(conflicts(r));
-    let rms = r.chi2_per_dof.sqrt();
+    let rms = r.over_noise().sqrt();
     out.push(if r.method == Method::Ground {
         format!("The arm and its friction predict the torques {}.{}", shares(&r.channels), beside(r))
     } else {
         tested(r, rms)
     });
     out.extend(r.evidence.as_ref().and_then(Evidence::in_doubt));
-    if r.method != Method::Ground && r.chi2_per_dof < QUIET {
+    if r.method != Method::Ground && r.over_noise() < QUIET {
         out.push(format!(
             "Residuals are {rms:.3} times the noise that was given: the sensors are quieter than that, and the standard \
              deviations are too large."
@@ -220,13 +220,14 @@ fn sampled(s: &Sampled) -> String {
 /// What the record says of the model as a whole.
 fn tested(r: &IdentificationResult, rms: f64) -> String {
     let reason = r.evidence.as_ref().map_or("", |e| &e.reason);
+    let of = if r.over_noise() < r.chi2_per_dof { "sensors, encoders among them" } else { "sensors" };
     match r.state() {
         State::Contradicted => format!(
-            "The model does NOT explain the record: {reason}. Residuals are {rms:.3} times the noise of the sensors; the \
+            "The model does NOT explain the record: {reason}. Residuals are {rms:.3} times the noise of the {of}; the \
              standard deviations below hold for a model that is right, which this one is not."
         ),
         State::Explained => {
-            format!("The model explains the record: residuals are {rms:.3} times the noise of the sensors; {reason}.")
+            format!("The model explains the record: residuals are {rms:.3} times the noise of the {of}; {reason}.")
         }
         State::NotTested => format!("The model was not tested: {reason}."),
     }
