@@ -44,6 +44,8 @@ pub struct Options {
     /// Draws of the noise of the positions, as the fit of the joint motion lets it through: unknowns `motion.noise[k]` that are not
     /// estimated, whose columns say what that noise does to the residuals. None where the motion was not fitted.
     pub motion_noise: usize,
+    /// Whether columns of draws are to be as exact as the motion is followed ([`crate::OutputError::survey`]), where that noise is loud.
+    pub noise_is_loud: bool,
     /// Oscillators that the model does not have and [`ErrorSource::Oscillator`] refers to.
     pub oscillators: Vec<Oscillator>,
     /// Parameters at which the torques are predicted that deflect compliant joints, and the motion of the base that drives oscillators;
@@ -78,6 +80,7 @@ impl Options {
             kinematics: Vec::new(),
             errors: Vec::new(),
             motion_noise: 0,
+            noise_is_loud: false,
             oscillators: Vec::new(),
             deflected_at: None,
             all_alike: false,

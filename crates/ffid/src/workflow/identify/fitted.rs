@@ -49,6 +49,6 @@ pub(super) struct Ended<'a> {
     pub(super) values: &'a [f64],
     pub(super) records: &'a [LabelledRecord],
     pub(super) signals: &'a [Signals],
-    /// Whether noise of the encoders is heard in the residuals: then many draws say what it does.
+    /// Whether noise of the encoders is loud in the residuals: then many draws say what it does.
     pub(super) heard: bool,
 }

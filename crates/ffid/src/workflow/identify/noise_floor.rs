@@ -20,8 +20,10 @@ const MARGIN: f64 = 1.05;
 pub(super) const DRAWS: usize = 6;
 /// Part of that of the sensors below which the encoders' noise changes nothing.
 const LITTLE: f64 = 0.01;
-/// Factor on what draws say of it: that is known to a tenth, and no better while parameters are far off.
-const ROUGHLY: f64 = 1.15;
+/// The same from which many draws are worth what they take: then chance along every direction is as much theirs as that of the sensors.
+const LOUD: f64 = 0.25;
+/// Factor on what draws say of it: they do not know it better, and more would let ends pass that are not at the lowest place.
+const ROUGHLY: f64 = 1.05;
 
 /// What noise alone leaves, as mean squared whitened residuals.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -42,6 +44,10 @@ impl NoiseFloor {
         let drawn: Option<Vec<_>> = twins.iter().map(|t| t.draws_of_motion(DRAWS, values)).collect();
         let with = Self { sensors: self.sensors, drawn: drawn.unwrap_or_default() };
         if with.encoders() > LITTLE { with } else { Self { sensors: self.sensors, drawn: Vec::new() } }
+    }
+    /// Whether noise of the encoders is loud beside that of the sensors.
+    pub(super) fn is_loud(&self) -> bool {
+        self.encoders() > LOUD
     }
     /// What noise of the encoders adds to the mean square.
     fn encoders(&self) -> f64 {

@@ -129,7 +129,7 @@ fn identify_from(
         fitted?
     };
     let values = unknowns.expand(&fitted.estimate.values)?;
-    let heard = !floor.drawn.is_empty();
+    let heard = floor.is_loud();
     let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &[], heard };
     let mut shaken = Vec::new();
     if !watch.ends_with_result()

@@ -22,7 +22,7 @@ use nalgebra::DMatrix;
 const DRAWS: usize = 6;
 /// Those that are added to the motion and taken off it.
 const SHAKEN: usize = 3;
-/// Draws where that noise is heard in the residuals: as many as directions that the estimates may move along, and no more numbers than [`ROOM`] where
+/// Draws where that noise is loud in the residuals: as many as directions that the estimates may move along, and no more numbers than [`ROOM`] where
 /// there are [`DRAWS`] at least.
 const MANY: usize = 24;
 /// See [`MANY`] (128 MB).
@@ -70,7 +70,12 @@ fn wide<'m>(
     let model = end.model;
     let numbers = of.record().samples() * (model.nj() + 3);
     let draws = if end.heard { MANY.min((ROOM / numbers.max(1)).max(DRAWS)) } else { DRAWS };
-    let plain = Options { deflected_at: Some(end.values.to_vec()), motion_noise: draws, ..Options::new(s.noise) };
+    let plain = Options {
+        deflected_at: Some(end.values.to_vec()),
+        motion_noise: draws,
+        noise_is_loud: end.heard,
+        ..Options::new(s.noise)
+    };
     let (mut options, oscillators) = match columns {
         Columns::Every(extra) => {
             let found: Vec<Oscillator> = extra.iter().map(|m| m.oscillator()).collect();

@@ -26,7 +26,7 @@ impl OutputError<'_> {
     /// takes several steps, ten make a period. A component at a tenth of the grid's
     /// rate is then off by 3e-4 of itself (`docs/theory/output-operator.md`), one at a fifth by 2 %. Steps of which three make a period do as well
     /// where what they predict at the grid differs from the prediction at hand by less than a standard deviation of noise, all samples
-    /// together: the fastest modes hardly ring. Where draws of the noise of the motion are among the columns, a step is half as long as its knots are apart
+    /// together: the fastest modes hardly ring. Where noise of the motion is loud, a step is half as long as its knots are apart
     /// at most, and modes that these let through are followed.
     ///
     /// # Errors
@@ -36,7 +36,7 @@ impl OutputError<'_> {
         let (own, dt) = (self.fastest(full).unwrap_or(0.0), self.rows.record.dt());
         let most = self.rows.record.samples() / LEAST_SAMPLES;
         let knots = match &self.tables.noise {
-            Some(noise) if options.motion_noise > 0 => noise.spacing(),
+            Some(noise) if options.noise_is_loud => noise.spacing(),
             _ => f64::INFINITY,
         };
         let samples = |own: f64, per_period: f64| {
@@ -83,7 +83,7 @@ impl OutputError<'_> {
         if self.tables.noise.is_none() {
             return Ok(None);
         }
-        let options = Options { motion_noise: draws, ..Options::new(self.rows.options.noise) };
+        let options = Options { motion_noise: draws, noise_is_loud: true, ..Options::new(self.rows.options.noise) };
         let mut shaken = self.survey(&options, full).map_err(|e| EvalError::Rejected(e.to_string()))?;
         let nuisance = shaken.nuisance();
         let is_draw = |k: &usize| nuisance[*k].name.starts_with("motion.noise[");
