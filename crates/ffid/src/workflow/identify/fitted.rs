@@ -50,5 +50,5 @@ pub(super) struct Ended<'a> {
     pub(super) records: &'a [LabelledRecord],
     pub(super) signals: &'a [Signals],
     /// Whether noise of the encoders is loud in the residuals: then many draws say what it does.
-    pub(super) heard: bool,
+    pub(super) loud: bool,
 }

@@ -142,7 +142,7 @@ impl Suspects<'_> {
             values: &values,
             records,
             signals: &signals,
-            heard: false,
+            loud: false,
         };
         let found = extra_mode::search(&end, at.twins, at.settings)?;
         Ok(found.and_then(|mode| mode.modes(&end)))

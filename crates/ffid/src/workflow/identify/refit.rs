@@ -342,7 +342,7 @@ impl Contradicted<'_, '_> {
             values: &values,
             records: self.records,
             signals: &signals,
-            heard: self.floor.is_loud(),
+            loud: self.floor.is_loud(),
         };
         if !fitted.estimate.is_solution() {
             return Ok((State::NotTested, Vec::new()));

@@ -129,8 +129,8 @@ fn identify_from(
         fitted?
     };
     let values = unknowns.expand(&fitted.estimate.values)?;
-    let heard = floor.is_loud();
-    let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &[], heard };
+    let loud = floor.is_loud();
+    let end = Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &[], loud };
     let mut shaken = Vec::new();
     if !watch.ends_with_result()
         && let Some((wider, by)) = allow_for_encoders(&end, &twins, settings)?
@@ -166,7 +166,7 @@ fn identify_from(
     };
     let signals = Signals::of_each(model, records, &rows, &fitted.estimate.residuals, &sigma);
     let end =
-        Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals, heard };
+        Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals: &signals, loud };
     let ended_well = fitted.estimate.is_solution();
     let named_already = suspected.is_some() || options.start_at_posterior && !ended_well;
     let mut found = suspected;

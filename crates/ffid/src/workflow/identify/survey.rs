@@ -69,11 +69,11 @@ fn wide<'m>(
 ) -> Result<OutputError<'m>, SetupError> {
     let model = end.model;
     let numbers = of.record().samples() * (model.nj() + 3);
-    let draws = if end.heard { MANY.min((ROOM / numbers.max(1)).max(DRAWS)) } else { DRAWS };
+    let draws = if end.loud { MANY.min((ROOM / numbers.max(1)).max(DRAWS)) } else { DRAWS };
     let plain = Options {
         deflected_at: Some(end.values.to_vec()),
         motion_noise: draws,
-        noise_is_loud: end.heard,
+        noise_is_loud: end.loud,
         ..Options::new(s.noise)
     };
     let (mut options, oscillators) = match columns {

@@ -317,17 +317,7 @@ impl Suspects<'_> {
         let (fitted, values) = (Fitted::of(e.clone(), &unknowns.selected), unknowns.expand(&e.values)?);
         let (model, records, signals) = (&self.opened.model, self.records, &[][..]);
         tests_of_listed(
-            &Ended {
-                model,
-                shared,
-                labels,
-                unknowns,
-                fitted: &fitted,
-                values: &values,
-                records,
-                signals,
-                heard: false,
-            },
+            &Ended { model, shared, labels, unknowns, fitted: &fitted, values: &values, records, signals, loud: false },
             twins,
             s,
         )
