@@ -1,8 +1,7 @@
 //! The reduced system for many parameter sets at once, one per lane: under one table of the arm, or each under its own.
 
 use crate::reduced::coupled;
-use crate::reduced::follow::Follow;
-use crate::reduced::single::{simulate_reduced, write_lane};
+use crate::reduced::single::{Written, simulate_reduced};
 use crate::reduced::system::{Lost, Reduced, ReducedError, Response, check, integrate};
 use crate::reduced::table::{ArmSource, OnePerLane, Prescribed};
 use ff_model::scalar::LaneScalar;
@@ -115,22 +114,6 @@ impl LaneTask for OwnTables<'_> {
     }
 }
 
-/// What becomes of the trajectories of all lanes.
-struct LaneByLane<'a> {
-    out: &'a mut [Response],
-    plain: Vec<f64>,
-    m: usize,
-}
-
-impl<L: LaneScalar> Follow<L> for LaneByLane<'_> {
-    #[inline(always)]
-    fn sample(&mut self, i: usize, z: &[L], u: &[L], tau: &[L]) {
-        for (lane, out) in self.out.iter_mut().enumerate() {
-            write_lane(out, &mut self.plain, lane, (i, self.m), z, u, tau);
-        }
-    }
-}
-
 /// A group of runs, one per lane; one that is not full repeats its last. `None` for a single run, and where a mass matrix is not positive definite.
 #[inline(always)]
 fn together<'a, L: LaneScalar, S: ArmSource<L>>(
@@ -149,11 +132,10 @@ fn together<'a, L: LaneScalar, S: ArmSource<L>>(
     let params = Params::from_values(model, (0..values[0].len()).map(|i| gather::<L>(&values, i)).collect());
     let z0: Vec<L> = (0..starts[0].len()).map(|i| gather(&starts, i)).collect();
     let mut out: Vec<Response> = (0..count).map(|_| Response::new(source.layout().samples, nj, m)).collect();
-    let plain = vec![0.0; 12 + 3 * m + nj];
     let mut sys = Reduced::<L, S>::new(model, &params, source);
     let samples = source.layout().samples;
     let mut lost: Lost = Default::default();
-    let done = integrate(&mut sys, &z0, 0..samples, Some(&mut lost), LaneByLane { out: &mut out, plain, m });
+    let done = integrate(&mut sys, &z0, 0..samples, Some(&mut lost), Written::new(&mut out, (m, nj), None));
     // Where all are lost, what is left of the integration says nothing.
     if done.is_err() && lost[..count].iter().any(Option::is_none) {
         return None;

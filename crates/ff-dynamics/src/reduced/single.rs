@@ -115,19 +115,27 @@ impl LaneTask for Single<'_> {
         let mut out = Response::new(span.len(), model.nj(), m);
         let params = params.lift::<L>(model);
         let mut sys = Reduced::new(model, &params, table);
-        let plain = vec![0.0; 12 + 3 * m + model.nj()];
-        let last = integrate(&mut sys, &splat::<L>(z), span, None, Written { out: &mut out, plain, m, stages })?;
+        let written = Written::new(core::slice::from_mut(&mut out), (m, model.nj()), stages);
+        let last = integrate(&mut sys, &splat::<L>(z), span, None, written)?;
         z.iter_mut().zip(&last).for_each(|(z, x)| *z = x.lane(0));
         Ok(out)
     }
 }
 
-/// What becomes of a single trajectory.
-struct Written<'a> {
-    out: &'a mut Response,
+/// Trajectories lane by lane, as many as there are places for them, and the stages of the first where there is one.
+pub(crate) struct Written<'a> {
+    out: &'a mut [Response],
+    /// A sample of one of them.
     plain: Vec<f64>,
     m: usize,
     stages: Option<&'a mut Stages>,
+}
+
+impl<'a> Written<'a> {
+    /// Of a system with so many passive coordinates and joints.
+    pub(crate) fn new(out: &'a mut [Response], (m, nj): (usize, usize), stages: Option<&'a mut Stages>) -> Self {
+        Self { out, plain: vec![0.0; 12 + 3 * m + nj], m, stages }
+    }
 }
 
 impl<L: LaneScalar> Follow<L> for Written<'_> {
@@ -139,13 +147,15 @@ impl<L: LaneScalar> Follow<L> for Written<'_> {
     }
     #[inline(always)]
     fn sample(&mut self, i: usize, z: &[L], u: &[L], tau: &[L]) {
-        write_lane(self.out, &mut self.plain, 0, (i, self.m), z, u, tau);
+        for (lane, out) in self.out.iter_mut().enumerate() {
+            write_lane(out, &mut self.plain, lane, (i, self.m), z, u, tau);
+        }
     }
 }
 
 /// Lane `lane` of a sample into `out`, through a buffer.
 #[inline(always)]
-pub(crate) fn write_lane<L: LaneScalar>(
+fn write_lane<L: LaneScalar>(
     out: &mut Response,
     plain: &mut [f64],
     lane: usize,

@@ -49,7 +49,9 @@ impl<T: Scalar> ArmModel<T> {
     pub fn new(model: &Model, params: &Params<T>, sites: &[(usize, Xform<T>)]) -> Self {
         let pose = |(host, x): &(usize, Xform<T>)| {
             assert!(*host < model.n_bodies(), "body {host} does not exist");
-            (*host, general(x))
+            let mut pose = Pose::identity();
+            (pose.turn, pose.r, pose.p) = (RotationKind::General, M3::from(&x.rot), V3::from(&x.pos));
+            (*host, pose)
         };
         Self { sweep: Sweep::new(model, params), sites: sites.iter().map(pose).collect() }
     }
@@ -150,11 +152,4 @@ impl ArmModel<Grad> {
             }
         }
     }
-}
-
-/// A pose in the way of those that are not known to be turned about an axis.
-pub(super) fn general<T: Scalar>(x: &Xform<T>) -> Pose<T> {
-    let mut pose = Pose::identity();
-    (pose.turn, pose.r, pose.p) = (RotationKind::General, M3::from(&x.rot), V3::from(&x.pos));
-    pose
 }

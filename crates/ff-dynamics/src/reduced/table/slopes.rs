@@ -5,7 +5,6 @@
 //! changes the frame of that mount alone, the same at all times where the host is the base. A disturbance of the motion changes arm,
 //! rows and all frames that move; a wrench on the base is a part of two numbers of the arm.
 
-use super::arm_model::general;
 use super::disturbance::{Disturbance, Disturbed, push};
 use super::instants::{Instants, scatter};
 use super::numbers::{ARM, Arm, FRAME, Frame, JointRow, ROW, columns};
@@ -18,7 +17,7 @@ use ff_lanes::WIDEST;
 use ff_model::scalar::lanes::{Isa, LaneTask, dispatch};
 use ff_model::scalar::{D1, Dual, LaneScalar};
 use ff_model::spatial::vec3::{M3, Pose, V3};
-use ff_model::tree::{Mounted, Placed};
+use ff_model::tree::Placed;
 use ff_model::{Kinematics, Model, Params, Xform};
 use nalgebra::Vector3;
 
@@ -151,7 +150,8 @@ impl Slopes {
         if motions.is_empty() {
             return;
         }
-        dispatch(Isa::detect(), Disturb { model, params, kinematics, motion, sampling, first, motions });
+        let model = &model.displaced(kinematics);
+        dispatch(Isa::detect(), Disturb { model, params, motion, sampling, first, motions });
     }
 }
 
@@ -239,10 +239,9 @@ impl LaneTask for Displace<'_, '_> {
 
 /// Derivatives of the tables with respect to the sizes of disturbances of the motion, several instants at a time, one per lane.
 struct Disturb<'a, 's> {
-    /// Not displaced.
+    /// The displaced one.
     model: &'a Model,
     params: &'a Params<f64>,
-    kinematics: &'a Kinematics<f64>,
     motion: &'a Disturbed<'a>,
     sampling: &'a Sampling,
     /// First node of the table among those of the motion.
@@ -254,13 +253,10 @@ impl LaneTask for Disturb<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn run<L: LaneScalar>(self) {
-        let Self { model, params, kinematics, motion, sampling, first, mut motions } = self;
+        let Self { model, params, motion, sampling, first, mut motions } = self;
         let (nj, nodes, per_sample) = (model.nj(), sampling.nodes(), sampling.nodes_per_sample());
-        let lifted = kinematics.values().iter().map(|&x| Dual::constant(L::splat(x))).collect();
-        let kinematics = Kinematics::<Dual<L, 1>>::from_values(model, lifted);
-        let mut sweep = Sweep::new(model, &params.lift(model)).displaced(&kinematics);
-        let site = |(k, a): (usize, &Mounted)| general(&kinematics.mount(k).apply(&a.mount));
-        let mounts: Vec<Pose<Dual<L, 1>>> = model.appendages().iter().enumerate().map(site).collect();
+        let mut sweep = Sweep::<Dual<L, 1>>::new(model, &params.lift(model));
+        let mounts: Vec<Pose<Dual<L, 1>>> = model.appendages().iter().map(|a| Pose::constant(&a.mount)).collect();
         let (mut instants, mut change) = (Instants::<L>::new(nj), Instants::<L>::new(nj));
         let mut joints: [Vec<Dual<L, 1>>; 3] = core::array::from_fn(|_| vec![Dual::constant(L::zero()); nj]);
         let time = |node: usize| sampling.time_of(first + node);

@@ -73,7 +73,7 @@ pub struct Evidence {
 }
 
 /// Part of the squared residuals from which noise of the encoders is said beside that of the other sensors.
-const HEARD: f64 = 0.01;
+pub(super) const HEARD: f64 = 0.01;
 
 impl Evidence {
     /// Mean squared residual that is noise of the encoders, where that is a hundredth of that of the other sensors at least; zero else.

@@ -7,7 +7,7 @@ use super::evidence::{Evidence, State};
 use super::ground;
 use super::ground::Arm;
 use super::labelled_record::LabelledRecord;
-use super::noise_floor::DRAWS;
+use super::noise_floor::{DRAWS, mean_square};
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
 use super::record_estimator::RecordEstimator;
@@ -110,7 +110,7 @@ pub fn predict_held_out(
     let chi2_per_dof = found.chi2_per_dof();
     // What the encoders' noise leaves is no fault of the model: it is looked for where there is more than the sensors explain.
     let drawn = if chi2_per_dof > s.limit { twin.draws_of_motion(DRAWS, values) } else { None };
-    let encoders = drawn.map_or(0.0, |d| d.norm_squared() / d.len().max(1) as f64);
+    let encoders = mean_square(drawn.as_slice());
     let mut held = HeldOut::of(source.into(), record, &signals, chi2_per_dof, s.limit * (1.0 + encoders));
     held.verdict = in_words(&held);
     Ok((held, signals))

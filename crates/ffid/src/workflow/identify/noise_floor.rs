@@ -5,6 +5,7 @@
 //! right one. So does noise of the encoders, which the model passes on and no difference of the readings shows: draws of it say what it leaves
 //! (`docs/theory/evidence.md`).
 
+use super::evidence::HEARD;
 use super::labelled_record::LabelledRecord;
 use super::record_estimator::Twin;
 use super::row_layout::RowLayout;
@@ -16,11 +17,9 @@ const SAME: f64 = 1.1;
 /// Factor on what was measured: differences do not know it better.
 const MARGIN: f64 = 1.05;
 
-/// Draws of the encoders' noise.
+/// Draws of the encoders' noise, where they are not more.
 pub(super) const DRAWS: usize = 6;
-/// Part of that of the sensors below which the encoders' noise changes nothing.
-const LITTLE: f64 = 0.01;
-/// The same from which many draws are worth what they take: then chance along every direction is as much theirs as that of the sensors.
+/// Part of the noise of the sensors from which many draws are worth what they take: then chance along every direction is as much theirs as that of the sensors.
 const LOUD: f64 = 0.25;
 /// Factor on what draws say of it: they do not know it better, and more would let ends pass that are not at the lowest place.
 const ROUGHLY: f64 = 1.05;
@@ -43,7 +42,7 @@ impl NoiseFloor {
     pub(super) fn at(&self, twins: &[Twin<'_>], values: &[f64]) -> Self {
         let drawn: Option<Vec<_>> = twins.iter().map(|t| t.draws_of_motion(DRAWS, values)).collect();
         let with = Self { sensors: self.sensors, drawn: drawn.unwrap_or_default() };
-        if with.encoders() > LITTLE { with } else { Self { sensors: self.sensors, drawn: Vec::new() } }
+        if with.encoders() > HEARD { with } else { Self { sensors: self.sensors, drawn: Vec::new() } }
     }
     /// Whether noise of the encoders is loud beside that of the sensors.
     pub(super) fn is_loud(&self) -> bool {
@@ -51,8 +50,7 @@ impl NoiseFloor {
     }
     /// What noise of the encoders adds to the mean square.
     fn encoders(&self) -> f64 {
-        let sum: f64 = self.drawn.iter().map(DMatrix::norm_squared).sum();
-        sum / self.drawn.iter().map(DMatrix::len).sum::<usize>().max(1) as f64
+        mean_square(&self.drawn)
     }
     /// [`NoiseFloor::total`] with this part of the mean square that is noise of the encoders, where it was looked at.
     pub(super) fn with_motion(&self, encoders: Option<f64>) -> f64 {
@@ -62,6 +60,12 @@ impl NoiseFloor {
     pub(super) fn total(&self) -> f64 {
         self.with_motion(None)
     }
+}
+
+/// Mean square of what draws of the encoders' noise add to residuals; zero of none.
+pub(super) fn mean_square(drawn: &[DMatrix<f64>]) -> f64 {
+    let sum: f64 = drawn.iter().map(DMatrix::norm_squared).sum();
+    sum / drawn.iter().map(DMatrix::len).sum::<usize>().max(1) as f64
 }
 
 /// Mean squared whitened residual that white noise of the readings leaves of these records, the deviation of each channel of a sample being `sigma`: one

@@ -4,6 +4,7 @@ use super::error::IdentifyError;
 use super::evidence::OTHER_ROBOT;
 use super::extra_mode::{self, ExtraMode};
 use super::fitted::Ended;
+use super::noise_floor::DRAWS;
 use super::over_time::OverTime;
 use super::record_estimator::Twin;
 use super::row_layout::RowLayout;
@@ -18,9 +19,7 @@ use ident::uncertain::{
 use ident::{Estimator, Options, OutputError, SetupError, Several};
 use nalgebra::DMatrix;
 
-/// Draws of the encoders' noise.
-const DRAWS: usize = 6;
-/// Those that are added to the motion and taken off it.
+/// Draws that are added to the motion and taken off it.
 const SHAKEN: usize = 3;
 /// Draws where that noise is loud in the residuals: as many as directions that the estimates may move along, and no more numbers than [`ROOM`] where
 /// there are [`DRAWS`] at least.

@@ -99,8 +99,8 @@ impl OutputError<'_> {
                 }
             }
         }
-        let turned = (0..all.nrows()).map(&place).enumerate().any(|(k, at)| at != k);
-        Ok(Some(if turned { DMatrix::from_fn(all.nrows(), along.len(), |k, c| all[(place(k), c)]) } else { all }))
+        let order: Vec<usize> = (0..all.nrows()).map(place).collect();
+        Ok(Some(all.select_rows(&order)))
     }
     /// Where another estimator of the same readings has the rows of this one: on a grid of their own, those of torques come before those of the gyro.
     fn places_in(&self, other: &Self) -> impl Fn(usize) -> usize + use<> {
