@@ -149,7 +149,7 @@ fn noise_free_data_give_the_truth_back() {
 
 /// Few worlds of `verdict`, and what its figures are called.
 #[test]
-#[ignore = "full tier: a minute"]
+#[ignore = "full tier: nine minutes"]
 fn exact_worlds_are_explained_and_wrong_ones_contradicted() {
     let (json, text) = study(&["verdict", "--quick"]);
     let figure = |name: &str| json["figures"][name].as_f64().unwrap_or_else(|| panic!("{name}\n{text}"));

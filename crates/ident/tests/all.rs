@@ -11,6 +11,7 @@ mod compare;
 mod complete;
 mod continuation;
 mod covariance;
+mod elastic_joints;
 mod free_decay;
 mod ground;
 mod identifiability;

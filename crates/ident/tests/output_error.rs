@@ -143,7 +143,8 @@ pub(crate) fn columns_at(l: &Loaded, oe: &mut OutputError<'_>, selected: &[usize
                 // Readings are linear in a wrench, and hardly change with one of the size of the torques' noise.
                 let step = match u.name.split('.').next() {
                     Some("wrench") => 1.0,
-                    Some("compliance" | "encoder") => 0.1,
+                    Some("compliance") => 1.0,
+                    Some("encoder") => 0.1,
                     _ => 1e-3,
                 };
                 (truth.len() + c - selected.len(), step * u.size)

@@ -26,8 +26,8 @@ use nalgebra::DMatrix;
 /// dampers would take their place meanwhile.
 const STATE_REACH: f64 = 100.0;
 /// How often an estimator is made more exact ([`Estimator::refine`]): springs that have stiffened ask for finer steps, and once is enough but
-/// for those that stiffen further by it.
-const REFINED: usize = 3;
+/// for those that stiffen further by it; how elastic joints deflect is found in a few passes, each of which leaves a part of the last.
+const REFINED: usize = 8;
 /// Relative move below which an anchor has no more to give.
 const ANCHOR_MOVED: f64 = 1e-10;
 

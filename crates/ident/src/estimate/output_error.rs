@@ -16,11 +16,9 @@ use crate::estimate::request::FINEST;
 use crate::estimate::row_stream::{RowBlock, RowStream};
 use crate::estimate::setup::{SetupError, check_noise};
 use crate::motion::joint_motion::MotionNoise;
-use crate::motion::late_encoder::LateEncoder;
 use crate::motion::tables::{Displaced, KEPT, Table, Tables};
-use crate::uncertain::oscillator::{self, Oscillator};
-use crate::uncertain::source::ErrorSource;
-use ff_dynamics::motion::HermiteTable;
+use crate::uncertain::oscillator::Oscillator;
+use disturbed::{Assumed, disturbances};
 use ff_dynamics::reduced::sensitivity::{Carried, sensitivities_over};
 use ff_dynamics::reduced::{Disturbance, simulate_reduced_batch, simulate_reduced_span};
 use ff_dynamics::{Boundary, Wanted, modes, sensitivities, simulate_reduced};
@@ -30,9 +28,9 @@ use ff_model::{Model, Params};
 use ff_records::Record;
 use nalgebra::DMatrix;
 use std::borrow::Cow;
-use std::sync::Arc;
 use steps::{Compared, steps_for};
 
+mod disturbed;
 mod steps;
 mod strides;
 mod survey;
@@ -162,6 +160,24 @@ impl<'a> OutputError<'a> {
             self.take_steps(2 * self.steps());
         }
     }
+    /// Takes as many steps as [`Options::step_error`] asks for there, where that is given, and says whether these are more.
+    fn refine_steps(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<bool, EvalError> {
+        let Some(limit) = self.rows.options.step_error else { return Ok(false) };
+        let before = self.steps();
+        let compared = self.predictable(full, extra, most)?;
+        let (error, limit) = (compared.error, compared.allowed(limit, self.rows.count()));
+        let steps = self.steps();
+        self.error = Some((error, steps));
+        let finer = steps_for(limit, steps, error);
+        if error > TOO_COARSE * limit && finer > steps {
+            if finer > most.saturating_mul(before) {
+                self.take_steps(before);
+                return Err(EvalError::Rejected(format!("{finer} integration steps per sample instead of {before}")));
+            }
+            self.take_steps(finer);
+        }
+        Ok(self.steps() > before)
+    }
     fn take_steps(&mut self, substeps: usize) {
         self.tables = self.tables.thinned(1, substeps);
         self.rows.options.substeps = substeps;
@@ -246,7 +262,7 @@ impl<'a> OutputError<'a> {
             return Err(SetupError::JointMotion("interpolation of readings needs six samples of the grid".into()));
         }
         tables.disturbances.clear();
-        tables.disturbances = disturbances(&rows, &mut tables, options.deflected_at.as_deref())?;
+        tables.disturbances = disturbances(&rows, &mut tables, &Assumed::of_options(&rows))?;
         if let Some(noise) = &tables.noise {
             let draws = noise.draws(&rows.record, options.motion_noise)?;
             rows.draws = draws.len();
@@ -285,102 +301,6 @@ fn by_spans(
         }
     }
     Ok(())
-}
-
-/// What disturbs the motion, in the order of the rows' list.
-fn disturbances(
-    rows: &OutputRows<'_>,
-    tables: &mut Tables,
-    at: Option<&[f64]>,
-) -> Result<Vec<Disturbance>, SetupError> {
-    let mut predicted = None;
-    let mut responses: Vec<Option<[DMatrix<f64>; 3]>> = vec![None; rows.options.oscillators.len()];
-    let mut out = Vec::new();
-    let dt = rows.grid.1;
-    for source in &rows.disturbing {
-        let needs = matches!(source, ErrorSource::Compliance(_) | ErrorSource::Oscillator(..));
-        if needs && predicted.is_none() {
-            predicted = Some(Predicted::new(rows, tables, at)?);
-        }
-        out.push(match (*source, &predicted) {
-            (ErrorSource::Compliance(j), Some(p)) => Disturbance::Motion(Arc::new(deflection(&p.torques, j, dt)?)),
-            (ErrorSource::Oscillator(k, column), Some(p)) => {
-                let of = &rows.options.oscillators[k];
-                let response = responses[k].get_or_insert_with(|| of.response(&p.accelerations, dt));
-                let wrenches = oscillator::wrenches(of, column, response);
-                Disturbance::Wrench(Arc::new(move |t| oscillator::at(&wrenches, dt, t)))
-            }
-            (ErrorSource::EncoderLag(j), _) => Disturbance::Motion(Arc::new(LateEncoder::new(tables.motion(), j, dt))),
-            (ErrorSource::Force(i), _) => along(i),
-            (ErrorSource::Moment(i), _) => along(3 + i),
-            _ => continue,
-        });
-    }
-    Ok(out)
-}
-
-/// A unit wrench along one of its six components.
-fn along(component: usize) -> Disturbance {
-    let mut wrench = [0.0; 6];
-    wrench[component] = 1.0;
-    Disturbance::Wrench(Arc::new(move |_| wrench))
-}
-
-/// What the model does on the grid without any error, from rest.
-struct Predicted {
-    /// Joint torques (N m, samples x joints).
-    torques: DMatrix<f64>,
-    /// Acceleration of the base's origin and angular acceleration in base axes (m/s^2, rad/s^2, samples x 6).
-    accelerations: DMatrix<f64>,
-}
-
-impl Predicted {
-    fn new(rows: &OutputRows<'_>, tables: &mut Tables, at: Option<&[f64]>) -> Result<Self, SetupError> {
-        let model = rows.model;
-        let params = match at {
-            Some(values) => Params::from_values(model, values.to_vec()),
-            None => Params::nominal(model),
-        };
-        let mut z = vec![0.0; 6];
-        z.extend(model.rest_position(&params));
-        z.resize(6 + 2 * model.np(), 0.0);
-        let samples = rows.grid.0;
-        let (mut torques, mut accelerations) = (DMatrix::zeros(samples, model.nj()), DMatrix::zeros(samples, 6));
-        let (none, wanted) = (Displaced::none(model), Wanted::default());
-        for first in (0..samples).step_by(SPAN) {
-            let span = first..(first + SPAN).min(samples);
-            let Table { table, samples } = tables.span(model, &params, &none, &wanted, span.clone());
-            let y = simulate_reduced_span(model, &params, table, samples, &mut z);
-            let y = y.map_err(|e| SetupError::JointMotion(format!("the motion cannot be predicted: {e}")))?;
-            torques.rows_mut(span.start, span.len()).copy_from(&y.tau);
-            for (i, to) in span.enumerate() {
-                let (velocity, rate) = (y.twist.fixed_view::<1, 3>(i, 0), y.twist.fixed_view::<1, 3>(i, 3));
-                let mut a = y.accel.row(i).into_owned();
-                let turning = rate.transpose().cross(&velocity.transpose());
-                (0..3).for_each(|k| a[k] += turning[k]);
-                accelerations.row_mut(to).copy_from(&a);
-            }
-        }
-        Ok(Self { torques, accelerations })
-    }
-}
-
-/// The change of the joint motion per unit of the compliance of joint `j`: the link stays behind the encoder by the torque.
-fn deflection(tau: &DMatrix<f64>, j: usize, dt: f64) -> Result<HermiteTable, SetupError> {
-    let (samples, n) = tau.shape();
-    let last = samples as isize - 1;
-    let at = |i: isize| -tau[(i.clamp(0, last) as usize, j)];
-    // Differences of fourth order; a reading beyond an end is that at the end.
-    let first = |i: isize| (at(i - 2) - 8.0 * at(i - 1) + 8.0 * at(i + 1) - at(i + 2)) / (12.0 * dt);
-    let second =
-        |i: isize| (-at(i - 2) + 16.0 * at(i - 1) - 30.0 * at(i) + 16.0 * at(i + 1) - at(i + 2)) / (12.0 * dt * dt);
-    let column = |of: &dyn Fn(isize) -> f64| {
-        let mut out = vec![0.0; samples * n];
-        (0..samples).for_each(|i| out[i * n + j] = of(i as isize));
-        out
-    };
-    HermiteTable::new(n, dt, &column(&at), &column(&first), &column(&second))
-        .map_err(|e| SetupError::JointMotion(e.to_string()))
 }
 
 /// Indices of kinematic parameters by name.
@@ -487,21 +407,8 @@ impl Estimator for OutputError<'_> {
         all.into_iter().zip(at).zip(r).map(one).collect()
     }
     fn refine(&mut self, full: &[f64], extra: &[f64], most: usize) -> Result<bool, EvalError> {
-        let Some(limit) = self.rows.options.step_error else { return Ok(false) };
-        let before = self.steps();
-        let compared = self.predictable(full, extra, most)?;
-        let (error, limit) = (compared.error, compared.allowed(limit, self.rows.count()));
-        let steps = self.steps();
-        self.error = Some((error, steps));
-        let finer = steps_for(limit, steps, error);
-        if error > TOO_COARSE * limit && finer > steps {
-            if finer > most.saturating_mul(before) {
-                self.take_steps(before);
-                return Err(EvalError::Rejected(format!("{finer} integration steps per sample instead of {before}")));
-            }
-            self.take_steps(finer);
-        }
-        Ok(self.steps() > before)
+        let finer = self.refine_steps(full, extra, most)?;
+        Ok(self.deflect_anew(full, extra)? || finer)
     }
     columns_by_directions!();
     fn jacobian_along(

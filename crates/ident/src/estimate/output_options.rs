@@ -51,6 +51,8 @@ pub struct Options {
     /// Parameters at which the torques are predicted that deflect compliant joints, and the motion of the base that drives oscillators;
     /// those of the model unless given. Their change with the parameters that are estimated is not followed.
     pub deflected_at: Option<Vec<f64>>,
+    /// Joints that give way there by so much (rad/(N m)): their links move behind the encoders while torques are predicted.
+    pub compliances: Vec<(usize, f64)>,
     /// Readings next to the ends of a fitted motion, where its noise is larger than theirs, count like all others: residuals are then
     /// predictions less readings, over the noise of the sensors, everywhere.
     pub all_alike: bool,
@@ -83,6 +85,7 @@ impl Options {
             noise_is_loud: false,
             oscillators: Vec::new(),
             deflected_at: None,
+            compliances: Vec::new(),
             all_alike: false,
             channel_noise: Vec::new(),
             near_rest: Vec::new(),

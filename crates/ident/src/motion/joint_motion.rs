@@ -85,6 +85,9 @@ fn moved(record: &Record, fit: &SpectralFit) -> Vec<Kink> {
 /// Part of the interval between samples to which the time of a kink must be told, for its error to be one to first order.
 const TOLD: f64 = 0.25;
 
+/// Least distance of knots, in samples ([`MotionNoise::alike`]).
+const CLOSEST: f64 = 2.5;
+
 /// Noise that a spline through noisy positions holds.
 #[derive(Clone)]
 pub(crate) struct MotionNoise {
@@ -108,6 +111,14 @@ impl MotionNoise {
     /// How far the knots of the motion are apart (s).
     pub(crate) fn spacing(&self) -> f64 {
         self.spacing
+    }
+    /// A spline on the knots of the motion, held at rest at the first sample where that is, through other readings of one joint, `dt` (s) apart: both let the
+    /// same through. Allocates.
+    pub(crate) fn alike(&self, values: &[f64], dt: f64) -> Result<FittedMotion, SetupError> {
+        let times: Vec<f64> = (0..values.len()).map(|i| i as f64 * dt).collect();
+        let samples = JointSamples { dof: 1, times: &times, q: values, qd: None, rate_weight: 0.0 };
+        let fit = fit_with_kinks(&samples, self.spacing.max(CLOSEST * dt), &[], self.from_rest);
+        fit.map(|fit| fit.motion).map_err(|e| SetupError::JointMotion(e.to_string()))
     }
     /// How many kinks the motion has.
     pub(crate) fn kinks(&self) -> usize {

@@ -2,6 +2,7 @@
 
 use super::adoption::Adopted;
 use super::error::{IdentifyError, config};
+use super::fitted::Ended;
 use super::labelled_record::LabelledRecord;
 use super::options::FitOptions;
 use super::over_time::{OverTime, later};
@@ -174,12 +175,12 @@ impl<'a> Assembly<'a> {
             RecordEstimator::beside(self.model, &t.record, s, uncertain, over.walks_of(k))
         })
     }
-    /// [`Assembly::assemble`] with the motions of other estimators of the same records, the model at these values.
+    /// [`Assembly::assemble`] with the motions of other estimators of the same records, the model at the end of a fit.
     pub(super) fn again<'t: 'a>(
         &self,
         uncertain: &UncertainItems,
         twins: &[Twin<'t>],
-        at: &[f64],
+        at: &Ended<'_>,
     ) -> Result<Assembled<'a>, IdentifyError> {
         self.with(uncertain, &mut |k, _, s| RecordEstimator::again(&twins[k], s, uncertain, at))
     }

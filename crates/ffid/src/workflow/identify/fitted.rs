@@ -7,8 +7,9 @@ use super::unknowns::Unknowns;
 use ff_model::Model;
 use ident::Uncertainty;
 use ident::belief::Profile;
-use ident::compose::Shared;
+use ident::compose::{Shared, is_called};
 use ident::estimate::Estimate;
+use ident::uncertain::ErrorSource;
 
 /// A fit with what led to it.
 #[derive(Clone, Debug)]
@@ -51,4 +52,21 @@ pub(super) struct Ended<'a> {
     pub(super) signals: &'a [Signals],
     /// Whether noise of the encoders is loud in the residuals: then many draws say what it does.
     pub(super) loud: bool,
+}
+
+impl Ended<'_> {
+    /// Joints that give way by so much (rad/(N m)), where that was estimated, whether each record has its own number or all share it: the first of them.
+    pub(super) fn compliances(&self) -> Vec<(usize, f64)> {
+        let e = &self.fitted.estimate;
+        let of_records = e.nuisance.iter().map(|u| (u.name.as_str(), u.value));
+        let shared = self.unknowns.decls.iter().map(|d| d.name.as_str()).zip(e.values.iter().copied());
+        let all: Vec<(&str, f64)> = of_records.chain(shared).collect();
+        let joints = self.model.joint_names();
+        let of = |j: usize| {
+            let name = ErrorSource::Compliance(j).name(&joints);
+            let found = all.iter().find(|(unknown, _)| is_called(unknown, &name, self.labels))?;
+            Some((j, found.1)).filter(|c| c.1 != 0.0)
+        };
+        (0..joints.len()).filter_map(of).collect()
+    }
 }

@@ -3,6 +3,7 @@
 use super::adoption::Adopted;
 use super::drives::Drives;
 use super::error::{IdentifyError, config};
+use super::fitted::Ended;
 use super::result::fit::Method;
 use super::settings::{Settings, method};
 use super::uncertain::UncertainItems;
@@ -75,18 +76,19 @@ impl<'a> RecordEstimator<'a> {
         Ok(Self { estimator, record: (model, record), twin, method, noise: s.noise, channel_noise, own: own.to_vec() })
     }
     /// [`RecordEstimator::beside`] with the motion of another estimator of the same record, and joints deflected by the torques of
-    /// the model at these parameters.
+    /// the model at the end of a fit.
     pub(super) fn again(
         twin: &Twin<'a>,
         s: &Settings,
         uncertain: &UncertainItems,
-        at: &[f64],
+        at: &Ended<'_>,
     ) -> Result<Self, IdentifyError> {
         let record = twin.record;
         let Some(of) = &twin.of else {
             return Self::beside(record.0, record.1, s, uncertain, &twin.own);
         };
-        let options = Options { deflected_at: Some(at.to_vec()), ..wanted(record.0, s, uncertain, &twin.own)? };
+        let (deflected_at, compliances) = (Some(at.values.to_vec()), at.compliances());
+        let options = Options { deflected_at, compliances, ..wanted(record.0, s, uncertain, &twin.own)? };
         let fit = of.with_options(&options).map_err(setup)?;
         let (own, channel_noise) = (twin.own.clone(), twin.channel_noise.clone());
         let twin = Some(fit.with_options(&Options::new(s.noise)).map_err(setup)?);

@@ -322,7 +322,7 @@ impl Contradicted<'_, '_> {
             Some(m) => setup.assembly(&m.opened.model, self.records).assemble(&setup.uncertain),
             None => {
                 let with = setup.assembly(&self.opened.model, self.records);
-                with.again(&setup.uncertain, self.twins, self.end.values)
+                with.again(&setup.uncertain, self.twins, self.end)
             }
         }
     }

@@ -71,6 +71,7 @@ fn wide<'m>(
     let draws = if end.loud { MANY.min((ROOM / numbers.max(1)).max(DRAWS)) } else { DRAWS };
     let plain = Options {
         deflected_at: Some(end.values.to_vec()),
+        compliances: end.compliances(),
         motion_noise: draws,
         noise_is_loud: end.loud,
         ..Options::new(s.noise)
