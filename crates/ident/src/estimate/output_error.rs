@@ -18,7 +18,7 @@ use crate::estimate::setup::{SetupError, check_noise};
 use crate::motion::joint_motion::MotionNoise;
 use crate::motion::tables::{Displaced, KEPT, Table, Tables};
 use crate::uncertain::oscillator::Oscillator;
-use disturbed::{Assumed, disturbances};
+use disturbed::disturbances;
 use ff_dynamics::reduced::sensitivity::{Carried, sensitivities_over};
 use ff_dynamics::reduced::{Disturbance, simulate_reduced_batch, simulate_reduced_span};
 use ff_dynamics::{Boundary, Wanted, modes, sensitivities, simulate_reduced};
@@ -211,12 +211,17 @@ impl<'a> OutputError<'a> {
         let (mut coarse, mut fine) = (vec![0.0; self.rows.count()], vec![0.0; self.rows.count()]);
         let steps = self.steps();
         for (many, r) in [(steps, &mut coarse), (2 * steps, &mut fine)] {
-            if many != steps || !self.remembered.fill(full, extra, r) {
-                self.predict_in(many, full, extra, r)?;
-            }
+            self.at_hand(many, full, extra, r)?;
         }
         let squares: f64 = coarse.iter().zip(&fine).map(|(a, b)| (a - b).powi(2)).sum();
         Ok(Compared { error: 16.0 / 15.0 * squares.sqrt(), residual: fine.iter().map(|b| b * b).sum() })
+    }
+    /// [`OutputError::predict_in`], unless they are remembered.
+    fn at_hand(&self, steps: usize, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
+        if steps == self.steps() && self.remembered.fill(full, extra, r) {
+            return Ok(());
+        }
+        self.predict_in(steps, full, extra, r)
     }
     /// Residuals in so many steps per sample, with tables that are not kept.
     fn predict_in(&self, steps: usize, full: &[f64], extra: &[f64], r: &mut [f64]) -> Result<(), EvalError> {
@@ -262,7 +267,7 @@ impl<'a> OutputError<'a> {
             return Err(SetupError::JointMotion("interpolation of readings needs six samples of the grid".into()));
         }
         tables.disturbances.clear();
-        tables.disturbances = disturbances(&rows, &mut tables, &Assumed::of_options(&rows))?;
+        tables.disturbances = disturbances(&rows, &mut tables)?;
         if let Some(noise) = &tables.noise {
             let draws = noise.draws(&rows.record, options.motion_noise)?;
             rows.draws = draws.len();

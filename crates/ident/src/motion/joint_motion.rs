@@ -5,7 +5,9 @@ use crate::motion::kink::{FittedMotion, Kink, untold};
 use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
 use crate::motion::last_fits::remembered;
 use crate::motion::loose_ends::LooseEnds;
-use crate::motion::spline_fit::{FitError, JointSamples, choose_knots, fit_with_kinks, movable, noise_of};
+use crate::motion::spline_fit::{
+    FitError, JointSamples, SAMPLES_PER_KNOT, choose_knots, fit_with_kinks, movable, noise_of,
+};
 use crate::motion::stamped_motion::StampedHermite;
 use ff_dynamics::motion::{HermiteTable, JointMotion};
 use ff_model::Model;
@@ -85,9 +87,6 @@ fn moved(record: &Record, fit: &SpectralFit) -> Vec<Kink> {
 /// Part of the interval between samples to which the time of a kink must be told, for its error to be one to first order.
 const TOLD: f64 = 0.25;
 
-/// Least distance of knots, in samples ([`MotionNoise::alike`]).
-const CLOSEST: f64 = 2.5;
-
 /// Noise that a spline through noisy positions holds.
 #[derive(Clone)]
 pub(crate) struct MotionNoise {
@@ -117,7 +116,7 @@ impl MotionNoise {
     pub(crate) fn alike(&self, values: &[f64], dt: f64) -> Result<FittedMotion, SetupError> {
         let times: Vec<f64> = (0..values.len()).map(|i| i as f64 * dt).collect();
         let samples = JointSamples { dof: 1, times: &times, q: values, qd: None, rate_weight: 0.0 };
-        let fit = fit_with_kinks(&samples, self.spacing.max(CLOSEST * dt), &[], self.from_rest);
+        let fit = fit_with_kinks(&samples, self.spacing.max(SAMPLES_PER_KNOT * dt), &[], self.from_rest);
         fit.map(|fit| fit.motion).map_err(|e| SetupError::JointMotion(e.to_string()))
     }
     /// How many kinks the motion has.

@@ -13,7 +13,9 @@
 use crate::motion::kink::Kink;
 use crate::motion::kink_search::{Search, usual_noise};
 use crate::motion::knot_risk::{Candidate, JUDGED, best, biases, cost, quantum, variance_of};
-use crate::motion::spline_fit::{FitError, JointSamples, MotionFit, fit_of_degree, fit_with_kinks, is_even, noise_of};
+use crate::motion::spline_fit::{
+    FitError, JointSamples, MotionFit, SAMPLES_PER_KNOT, fit_of_degree, fit_with_kinks, is_even, noise_of,
+};
 use ff_records::ChannelGroup;
 use ff_records::time_base::{TimeBaseError, on_grid_across};
 use ff_spectral::Welch;
@@ -25,8 +27,6 @@ use nalgebra::DMatrix;
 pub const KNOTS_PER_PERIOD: f64 = 4.0;
 /// Times as many that are candidates where sensors judge the motion: what lies below its noise may still be bent by more than theirs lets pass.
 const FINER: f64 = 2.0;
-/// Samples per knot below which a spline follows every sample.
-const SAMPLES_PER_KNOT: f64 = 2.5;
 /// Instants at which accelerations are compared.
 const INSTANTS: usize = 4000;
 /// Residual of the positions over their noise up to which a spacing is a candidate: what is bent so slowly that accelerations

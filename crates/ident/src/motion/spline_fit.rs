@@ -14,6 +14,9 @@ use thiserror::Error;
 /// Degree of the fitted splines: acceleration five times continuously differentiable.
 pub const DEGREE: usize = 7;
 
+/// Samples per knot below which a spline follows every sample.
+pub(super) const SAMPLES_PER_KNOT: f64 = 2.5;
+
 /// Why a record could not be fitted.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum FitError {
@@ -347,7 +350,7 @@ pub fn choose_knots(samples: &JointSamples<'_>, noise: Option<&[f64]>) -> Result
     let largest = samples.q.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let count = samples.times.len() as f64;
     let slack = 1.0 + 2.0 * uncertainty / (2.0 * count).sqrt();
-    let most = (count / 2.5).floor().max(1.0);
+    let most = (count / SAMPLES_PER_KNOT).floor().max(1.0);
     let mut spans = 4.0f64.min(most);
     loop {
         let fit =

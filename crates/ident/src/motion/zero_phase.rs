@@ -36,10 +36,16 @@ impl ZeroPhase {
     /// Keeps what is below `cutoff_hz` of signals sampled at `rate_hz`; `None` unless the cutoff is between 1e-5 and 1e-1 of the
     /// rate.
     pub fn new(rate_hz: f64, cutoff_hz: f64) -> Option<Self> {
-        if !(LOWEST..=HIGHEST).contains(&(cutoff_hz / rate_hz)) {
-            return None;
-        }
-        let k = (PI * cutoff_hz / rate_hz).tan();
+        (LOWEST..=HIGHEST).contains(&(cutoff_hz / rate_hz)).then(|| Self::of_part(cutoff_hz / rate_hz))
+    }
+    /// Keeps what is below `cutoff_hz`, or the nearest cutoff for which there is a filter, of signals sampled at `rate_hz`; with the cutoff.
+    pub(crate) fn nearest(rate_hz: f64, cutoff_hz: f64) -> (Self, f64) {
+        let part = (cutoff_hz / rate_hz).clamp(LOWEST, HIGHEST);
+        (Self::of_part(part), part * rate_hz)
+    }
+    /// With this part of the sampling rate as the cutoff.
+    fn of_part(part: f64) -> Self {
+        let k = (PI * part).tan();
         let section = |damping: f64| {
             let a0 = 1.0 + damping * k + k * k;
             [k * k / a0, 2.0 * (k * k - 1.0) / a0, (1.0 - damping * k + k * k) / a0]
@@ -55,7 +61,7 @@ impl ZeroPhase {
         impulse[4 * transient] = 1.0;
         out.run(&mut impulse);
         out.noise_gain = impulse.iter().map(|h| h * h).sum();
-        Some(out)
+        out
     }
     /// Samples at each end of a record that depend on what was before or comes after: where the response to an impulse has
     /// fallen to a hundredth.

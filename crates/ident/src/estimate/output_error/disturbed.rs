@@ -17,15 +17,16 @@ use crate::estimate::setup::SetupError;
 use crate::motion::joint_motion::MotionNoise;
 use crate::motion::late_encoder::LateEncoder;
 use crate::motion::tables::{Displaced, Table, Tables};
+use crate::motion::torque_sensitivity::{along_poses, while_free};
 use crate::motion::zero_phase::ZeroPhase;
 use crate::uncertain::oscillator;
 use crate::uncertain::source::ErrorSource;
+use ff_dynamics::Wanted;
 use ff_dynamics::motion::HermiteTable;
 use ff_dynamics::reduced::{Disturbance, simulate_reduced_span};
-use ff_dynamics::{State, Wanted, Work, mass_matrix};
 use ff_least_squares::EvalError;
 use ff_linalg as linalg;
-use ff_model::{Model, Params};
+use ff_model::Params;
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -34,8 +35,6 @@ use std::sync::Arc;
 const PASSES: usize = 12;
 /// See [`PASSES`].
 const AGREE: f64 = 0.1;
-/// Highest cutoff in parts of the grid's rate of what deflections do to the torques.
-const HIGHEST: f64 = 0.1;
 /// Knots of the motion in a period of the cutoff from which a parabola over the period tells how the torque goes on.
 const KNOTS: f64 = 8.0;
 /// Samples from which torques are smoothed as positions are.
@@ -43,49 +42,61 @@ const LEAST: usize = 64;
 /// Poses along a record at which the inertia behind a joint is taken.
 const POSES: usize = 5;
 
+/// A joint that gives way.
+struct Elastic {
+    joint: usize,
+    /// Its compliance (rad/(N m)).
+    compliance: f64,
+    /// Frequency of the link on it, the encoder held (Hz): `1/2pi sqrt(1 / (c J))`, with the inertia `J` behind it.
+    resonance_hz: f64,
+}
+
 /// Where torques are predicted.
-pub(super) struct Assumed {
+struct Assumed {
     params: Params<f64>,
     /// Joints and mounts; nothing disturbs the motion.
     placed: Displaced,
     /// State that the record begins with.
     start: Vec<f64>,
-    /// Joints that give way there (rad/(N m)).
-    compliances: Vec<(usize, f64)>,
+    elastic: Vec<Elastic>,
 }
 
 impl Assumed {
-    /// Nuisance unknowns of zero, at the parameters that the options name, or those of the model.
-    pub(super) fn of_options(rows: &OutputRows<'_>) -> Self {
+    /// Nuisance unknowns of zero, at the parameters that the options name, or those of the model, where joints give way as these say.
+    fn of_options(rows: &OutputRows<'_>) -> Self {
         let (model, options) = (rows.model, &rows.options);
         let params = match &options.deflected_at {
             Some(values) => Params::from_values(model, values.clone()),
             None => Params::nominal(model),
         };
-        let mut start = vec![0.0; 6];
-        start.extend(model.rest_position(&params));
-        start.resize(6 + 2 * model.np(), 0.0);
-        Self { params, placed: Displaced::none(model), start, compliances: options.compliances.clone() }
+        Self::new(rows, params, &vec![0.0; rows.nuisance().len()], options.compliances.iter().copied())
     }
     fn at(rows: &OutputRows<'_>, full: &[f64], extra: &[f64]) -> Self {
-        let params = Params::from_values(rows.model, full.to_vec());
-        let start = rows.start(&params, extra);
-        let placed = Displaced { sizes: Vec::new(), ..rows.placed(extra) };
         let compliance = |(source, &c): (&ErrorSource, &f64)| match source {
             ErrorSource::Compliance(j) if c != 0.0 => Some((*j, c)),
             _ => None,
         };
-        let compliances = rows.disturbing.iter().zip(rows.disturbed(extra)).filter_map(compliance).collect();
-        Self { params, placed, start, compliances }
+        let compliances = rows.disturbing.iter().zip(rows.disturbed(extra)).filter_map(compliance);
+        Self::new(rows, Params::from_values(rows.model, full.to_vec()), extra, compliances)
+    }
+    fn new(
+        rows: &OutputRows<'_>,
+        params: Params<f64>,
+        extra: &[f64],
+        compliances: impl Iterator<Item = (usize, f64)>,
+    ) -> Self {
+        let elastic = |(joint, compliance): (usize, f64)| {
+            let inertia = inertia_behind(rows, &params, joint);
+            Elastic { joint, compliance, resonance_hz: (compliance.abs() * inertia).sqrt().recip() / TAU }
+        };
+        let elastic = compliances.map(elastic).collect();
+        let placed = Displaced { sizes: Vec::new(), ..rows.placed(extra) };
+        Self { start: rows.start(&params, extra), params, placed, elastic }
     }
 }
 
 /// What disturbs the motion, in the order of the rows' list.
-pub(super) fn disturbances(
-    rows: &OutputRows<'_>,
-    tables: &mut Tables,
-    at: &Assumed,
-) -> Result<Vec<Disturbance>, SetupError> {
+pub(super) fn disturbances(rows: &OutputRows<'_>, tables: &mut Tables) -> Result<Vec<Disturbance>, SetupError> {
     let mut predicted = None;
     let mut responses: Vec<Option<[DMatrix<f64>; 3]>> = vec![None; rows.options.oscillators.len()];
     let mut out = Vec::new();
@@ -93,7 +104,7 @@ pub(super) fn disturbances(
     for source in &rows.disturbing {
         let needs = matches!(source, ErrorSource::Compliance(_) | ErrorSource::Oscillator(..));
         if needs && predicted.is_none() {
-            predicted = Some(Predicted::agreeing(rows, tables, at)?);
+            predicted = Some(Predicted::agreeing(rows, tables, &Assumed::of_options(rows))?);
         }
         out.push(match (*source, &predicted) {
             (ErrorSource::Compliance(j), Some(p)) => deflection(tables, &p.torques, j, dt)?,
@@ -129,20 +140,18 @@ struct Predicted {
 
 impl Predicted {
     /// Along the readings of the encoders, or along the links behind joints that give way; there in passes over torques and deflections, until
-    /// they agree. Where they do not, the links deflect by the torques of a stiff joint.
+    /// they agree. Where they do not, the links deflect by the torques of a stiff joint. Leaves those deflections in the tables.
     fn agreeing(rows: &OutputRows<'_>, tables: &mut Tables, at: &Assumed) -> Result<Self, SetupError> {
-        let (stiff, own) = (Self::along(rows, tables, at, &[])?, core::mem::take(&mut tables.disturbances));
-        let passes = Self::passes(rows, tables, at, &stiff);
-        tables.disturbances = own;
-        Ok(passes.unwrap_or(stiff))
+        let stiff = Self::along(rows, tables, at, &[])?;
+        Ok(Self::passes(rows, tables, at, &stiff).unwrap_or(stiff))
     }
     fn passes(rows: &OutputRows<'_>, tables: &mut Tables, at: &Assumed, stiff: &Self) -> Option<Self> {
-        let sizes: Vec<f64> = at.compliances.iter().map(|c| c.1).collect();
+        let sizes: Vec<f64> = at.elastic.iter().map(|e| e.compliance).collect();
         let mut found: Option<Self> = None;
         let mut before = f64::INFINITY;
         for _ in 0..if sizes.is_empty() { 0 } else { PASSES } {
             let torques = &found.as_ref().unwrap_or(stiff).torques;
-            let bends = at.compliances.iter().map(|&(j, _)| deflection(tables, torques, j, rows.grid.1));
+            let bends = at.elastic.iter().map(|e| deflection(tables, torques, e.joint, rows.grid.1));
             tables.disturbances = bends.collect::<Result<_, _>>().ok()?;
             let mut next = Self::along(rows, tables, at, &sizes).ok()?;
             next.torques = followed(rows, tables, at, &stiff.torques, &next.torques);
@@ -210,22 +219,11 @@ fn continued(x: &[f64], beyond: usize) -> Vec<f64> {
 
 /// Largest inertia that a joint moves with a free base, other joints and passive coordinates held (kg m^2).
 fn inertia_behind(rows: &OutputRows<'_>, params: &Params<f64>, joint: usize) -> f64 {
-    let (model, q): (&Model, _) = (rows.model, rows.record.q());
-    let nb = model.nv() - model.nj() - model.np();
-    let (mut state, mut work) = (State::zero(model), Work::new(model));
-    state.eta = model.rest_position(params);
-    let mut h = DMatrix::zeros(model.nv(), model.nv());
-    let mut most: f64 = 0.0;
-    for k in 0..POSES {
-        let i = k * (q.nrows() - 1) / (POSES - 1);
-        state.q.iter_mut().zip(q.row(i).iter()).for_each(|(to, x)| *to = *x);
-        mass_matrix(model, params, &state, &mut work, &mut h);
-        let coupling = h.view((0, nb + joint), (nb, 1)).into_owned();
-        let held = h.view((0, 0), (nb, nb)).into_owned().cholesky();
-        let taken = held.map_or(0.0, |base| base.solve(&coupling).dot(&coupling));
-        most = most.max(h[(nb + joint, nb + joint)] - taken);
-    }
-    most
+    let model = rows.model;
+    let base: Vec<usize> = (0..model.nv() - model.nj() - model.np()).collect();
+    let own = base.len() + joint;
+    let behind = |h: DMatrix<f64>| while_free(&h, &base, &[own]).map_or(h[(own, own)], |[inertia, _]| inertia[(0, 0)]);
+    along_poses(model, params, &rows.record, POSES).map(behind).fold(0.0, f64::max)
 }
 
 /// See [`FIRST`].
@@ -273,10 +271,9 @@ fn deflection(tables: &Tables, tau: &DMatrix<f64>, j: usize, dt: f64) -> Result<
     Ok(Disturbance::Motion(Arc::new(table.map_err(|e| SetupError::JointMotion(e.to_string()))?)))
 }
 
-/// Torques that a pass goes on with. What a deflection adds to them is followed below the resonance of the link on its joint alone, at
-/// `1/2pi sqrt(1 / (c J))`: with the inertia `J` behind the joint a pass leaves `c J (2 pi f)^2` of what the last one left, and noise would grow from pass to
-/// pass above. At the ends, where a motion is loose and the last sample would feed itself, it is continued on a parabola over one period of that, or fades
-/// within half of one that spans too few knots.
+/// Torques that a pass goes on with. What a deflection adds to them is followed below the resonance of the link on its joint alone: a pass leaves `c J (2 pi f)^2`
+/// of what the last one left, and noise would grow from pass to pass above. At the ends, where a motion is loose and the last sample would feed itself, it is
+/// continued on a parabola over one period of that, or fades within half of one that spans too few knots.
 fn followed(
     rows: &OutputRows<'_>,
     tables: &Tables,
@@ -288,11 +285,9 @@ fn followed(
     let spacing = tables.noise.as_ref().map_or(0.0, MotionNoise::spacing);
     let mut added = bent - stiff;
     let n = added.nrows();
-    for &(j, c) in &at.compliances {
-        let resonance = (c.abs() * inertia_behind(rows, &at.params, j)).sqrt().recip() / TAU;
-        let cutoff = resonance.min(HIGHEST * rate);
-        let added = &mut added.as_mut_slice()[j * n..(j + 1) * n];
-        let Some(filter) = ZeroPhase::new(rate, cutoff) else { continue };
+    for &Elastic { joint, resonance_hz, .. } in &at.elastic {
+        let (filter, cutoff) = ZeroPhase::nearest(rate, resonance_hz);
+        let added = &mut added.as_mut_slice()[joint * n..(joint + 1) * n];
         if KNOTS * spacing * cutoff < 1.0 {
             let beyond = (rate / cutoff) as usize;
             let mut all = continued(added, beyond);
@@ -326,7 +321,7 @@ impl OutputError<'_> {
     /// [`EvalError`] where nothing is predicted.
     pub(super) fn deflect_anew(&mut self, full: &[f64], extra: &[f64]) -> Result<bool, EvalError> {
         let at = Assumed::at(&self.rows, full, extra);
-        if at.compliances.is_empty() {
+        if at.elastic.is_empty() {
             return Ok(false);
         }
         let (rows, steps) = (&self.rows, self.steps());
@@ -344,7 +339,7 @@ impl OutputError<'_> {
                 tables.disturbances[k] = deflection(&tables, &torques, *j, rows.grid.1).map_err(rejected)?;
             }
         }
-        self.predict_in(steps, full, extra, &mut old)?;
+        self.at_hand(steps, full, extra, &mut old)?;
         super::by_spans(rows, &mut tables, full, extra, &mut new)?;
         let moved = old.iter().zip(&new).map(|(a, b)| a - b).fold(0.0, f64::hypot);
         if moved.is_nan() || moved <= AGREE {
