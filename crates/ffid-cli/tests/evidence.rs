@@ -286,6 +286,20 @@ fn an_encoder_that_is_late_is_named_and_no_axis_that_is_turned() {
     assert!((seconds - 0.04).abs() < 4e-3, "{seconds}");
 }
 
+/// No clock of all torques is put right for that of one: they were resampled by 6 ms for one of 10 ms, and a mode that is not there was named.
+#[test]
+#[ignore = "full tier: 6 s"]
+fn a_torque_sensor_that_is_late_is_named_and_no_clock_of_all_is_put_right() {
+    let dir = tempfile::tempdir().unwrap();
+    world(dir.path(), 74, late("tau.elbow", 2), |m| m);
+    let (code, r) = identify(dir.path(), &[]);
+    let (e, best) = (&r["evidence"], &r["evidence"]["named"][0]);
+    assert!(code == 16 && best["name"] == "torque-clock.elbow" && best["refitted"] == true, "{code} {e}");
+    let (seconds, std) = (best["size"][0]["value"].as_f64().unwrap(), best["size"][0]["std"].as_f64().unwrap());
+    assert!((seconds - 0.04).abs() < 4.0 * std && std < 4e-3, "{seconds} +- {std}");
+    assert!(r["clocks"].as_array().is_none_or(|c| c.iter().all(|c| c["corrected"] == false)), "{}", r["clocks"]);
+}
+
 /// Torques of ten deviations by the end: fits with the drift begin at the biases that the first has found.
 #[test]
 #[ignore = "full tier: 6 s"]

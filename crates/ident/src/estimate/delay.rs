@@ -1,4 +1,5 @@
-//! Predictions where sensors read them: interpolation of a uniform grid at sample times `t_i`, or at `t_i - d` for readings late by `d`.
+//! Predictions where sensors read them: interpolation of a uniform grid at sample times `t_i`, or at `t_i - d` for readings late by `d`, all channels of a
+//! group alike or each by a lag of its own besides.
 //!
 //! A polynomial of degree five runs through the six samples around the wanted instant (Lagrange; at the ends of the record the
 //! nearest six). A component at frequency f is wrong by at most `(2 pi f dt)^6 / 205` of itself: 5e-6 at a twentieth of the
@@ -26,6 +27,8 @@ pub(crate) struct OutputOperator {
     times: Option<Arc<[f64]>>,
     /// Delay over `dt`.
     shift: f64,
+    /// What is added to that for each channel; empty where all are alike.
+    lags: Vec<f64>,
 }
 
 /// First sample of the grid, weights, and their derivatives with respect to the delay (1/s).
@@ -36,27 +39,50 @@ impl OutputOperator {
     /// `delay_s`; `None` when that is no shorter than the grid.
     pub(crate) fn new(grid: usize, dt: f64, times: Option<Arc<[f64]>>, delay_s: f64) -> Option<Self> {
         let shift = delay_s / dt;
-        (grid >= N && shift.abs() < grid as f64).then_some(Self { grid, dt, times, shift })
+        (grid >= N && shift.abs() < grid as f64).then_some(Self { grid, dt, times, shift, lags: Vec::new() })
     }
-    /// Where reading `i` looks at the grid, in samples, and where the polynomial is taken for it.
-    fn position(&self, i: usize) -> (f64, f64) {
+    /// With channels that are later than that by lags of their own (s), none for channels that are alike; `None` when one is no shorter than the grid.
+    pub(crate) fn with_lags(mut self, lags: &[f64]) -> Option<Self> {
+        self.lags = lags.iter().map(|lag| lag / self.dt).collect();
+        let fits = |lag: &f64| (self.shift + lag).abs() < self.grid as f64;
+        self.lags.iter().all(fits).then_some(self)
+    }
+    /// Where reading `i` looks at the grid with this lag, in samples, and where the polynomial is taken for it.
+    fn position(&self, i: usize, lag: f64) -> (f64, f64) {
         // Beyond the ends the polynomial of the last six samples serves for a little; then it would run away, and is held.
         let last = (self.grid - 1) as f64;
-        let at = self.times.as_ref().map_or(i as f64, |t| t[i] / self.dt) - self.shift;
+        let at = self.times.as_ref().map_or(i as f64, |t| t[i] / self.dt) - self.shift - lag;
         (at, at.clamp(-BEYOND, last + BEYOND))
     }
-    /// First sample of the grid that reading `i` needs; it needs no more than six. Ascends with `i`.
-    pub(crate) fn first(&self, i: usize) -> usize {
-        let (_, x) = self.position(i);
+    /// The largest and the smallest lag.
+    fn latest(&self) -> f64 {
+        self.lags.iter().copied().reduce(f64::max).unwrap_or(0.0)
+    }
+    fn earliest(&self) -> f64 {
+        self.lags.iter().copied().reduce(f64::min).unwrap_or(0.0)
+    }
+    /// First of the six samples of the grid that a channel with this lag needs for reading `i`. Ascends with `i`.
+    fn first_with(&self, i: usize, lag: f64) -> usize {
+        let (_, x) = self.position(i, lag);
         (x.floor().max(0.0) as usize).saturating_sub(N / 2 - 1).min(self.grid - N)
+    }
+    /// First sample of the grid that reading `i` needs. Ascends with `i`.
+    pub(crate) fn first(&self, i: usize) -> usize {
+        self.first_with(i, self.latest())
     }
     /// The sample of the grid behind those that reading `i` needs.
     pub(crate) fn end(&self, i: usize) -> usize {
-        self.first(i) + N
+        self.first_with(i, self.earliest()) + N
     }
-    fn stencil(&self, i: usize) -> Stencil {
-        let (at, x) = self.position(i);
-        let first = self.first(i);
+    /// How many stencils a reading has: one for all channels that are alike.
+    fn stencils(&self) -> usize {
+        self.lags.len().max(1)
+    }
+    /// That of a channel, of which the first stands for all that are alike.
+    fn stencil(&self, i: usize, channel: usize) -> Stencil {
+        let lag = self.lags.get(channel).copied().unwrap_or(0.0);
+        let (at, x) = self.position(i, lag);
+        let first = self.first_with(i, lag);
         let u = x - first as f64;
         let (mut w, mut dw) = ([0.0; N], [0.0; N]);
         for k in 0..N {
@@ -72,7 +98,7 @@ impl OutputOperator {
     }
     /// The first sample of the grid that reading `i` is made of, and the parts of it and those behind.
     pub(crate) fn parts(&self, i: usize) -> (usize, [f64; N]) {
-        let (first, parts, _) = self.stencil(i);
+        let (first, parts, _) = self.stencil(i, 0);
         (first, parts)
     }
     /// Values of the columns of `y` (grid x channels, of which row 0 is sample `from` of the grid) for the readings. Allocates.
@@ -91,11 +117,15 @@ impl OutputOperator {
         pick: impl Fn(&Stencil) -> &[f64; N],
     ) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(readings.len(), y.ncols());
+        let each = self.stencils();
         for (row, i) in readings.enumerate() {
-            let stencil = self.stencil(i);
-            let (first, w) = (stencil.0 - from, pick(&stencil));
-            for c in 0..y.ncols() {
-                out[(row, c)] = (0..N).map(|k| w[k] * y[(first + k, c)]).sum();
+            for own in 0..each {
+                let stencil = self.stencil(i, own);
+                let (first, w) = (stencil.0 - from, pick(&stencil));
+                let channels = if each == 1 { 0..y.ncols() } else { own..own + 1 };
+                for c in channels {
+                    out[(row, c)] = (0..N).map(|k| w[k] * y[(first + k, c)]).sum();
+                }
             }
         }
         out
@@ -109,10 +139,13 @@ impl OutputOperator {
         readings: Range<usize>,
     ) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(channels * readings.len(), d.ncols());
-        let stencils: Vec<Stencil> = readings.map(|i| self.stencil(i)).collect();
+        let each = self.stencils();
+        let of = |i: usize| (0..each).map(move |own| self.stencil(i, own));
+        let stencils: Vec<Stencil> = readings.flat_map(of).collect();
         for (mut out, d) in out.column_iter_mut().zip(d.column_iter()) {
-            for (i, (first, w, _)) in stencils.iter().enumerate() {
+            for (i, own) in stencils.chunks_exact(each).enumerate() {
                 for c in 0..channels {
+                    let (first, w, _) = &own[c.min(each - 1)];
                     out[channels * i + c] = (0..N).map(|k| w[k] * d[channels * (first - from + k) + c]).sum();
                 }
             }
@@ -196,10 +229,36 @@ mod tests {
         }
     }
 
+    /// Each channel is read as by an operator of its own.
+    #[test]
+    fn channels_are_late_by_lags_of_their_own() {
+        let (y, times, lags) = (sampled(0.0), times(), [0.0173, -0.0068]);
+        let with = |lags: &[f64], d: f64| {
+            OutputOperator::new(80, DT, Some(Arc::clone(&times)), d).and_then(|o| o.with_lags(lags))
+        };
+        let (both, all) = (with(&lags, 0.0034).unwrap(), 0..times.len());
+        let stacked = DMatrix::from_fn(160, 1, |k, _| y[(k / 2, k % 2)]);
+        let rows = both.of_rows(&stacked, 2, 0, all.clone());
+        for (c, lag) in lags.into_iter().enumerate() {
+            let own = with(&[], 0.0034 + lag).unwrap();
+            let pairs = [
+                (both.of(&y, 0, all.clone()), own.of(&y, 0, all.clone())),
+                (both.slope(&y, 0, all.clone()), own.slope(&y, 0, all.clone())),
+            ];
+            for (got, want) in pairs {
+                assert_relative_eq!(got.column(c), want.column(c), epsilon = scaled(1e-9));
+            }
+            assert!(all.clone().all(|i| rows[2 * i + c] == both.of(&y, 0, i..i + 1)[(0, c)]));
+            assert!(all.clone().all(|i| both.first(i) <= own.first(i) && own.end(i) <= both.end(i)));
+        }
+        assert!(with(&[0.0, 0.81], 0.0).is_none());
+    }
+
     #[test]
     fn a_window_of_the_grid_is_enough() {
         let (y, times) = (sampled(0.0), times());
         let o = OutputOperator::new(80, DT, Some(Arc::clone(&times)), -0.0021).unwrap();
+        let o = o.with_lags(&[0.0121, -0.0143]).unwrap();
         let whole = o.of(&y, 0, 0..times.len());
         let readings = 31..64;
         let (from, end) = (o.first(31), o.end(63));

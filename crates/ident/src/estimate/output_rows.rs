@@ -350,13 +350,15 @@ impl<'a> OutputRows<'a> {
             let d = if wanted { next.next().copied() } else { None };
             let skewed = self.errors.skewed(self.errors_of(extra), group);
             let times = skewed.or_else(|| self.times[group].clone());
-            if d.is_none() && times.is_none() && !self.errors.skews(group) {
+            if d.is_none() && times.is_none() && !self.errors.retimes(group) {
                 return Ok(None);
             }
             let d = d.unwrap_or(0.0);
-            let operator = OutputOperator::new(samples, dt, times, d);
+            let lags = self.errors.lags(self.errors_of(extra), group, self.channels()[group]);
+            let operator = OutputOperator::new(samples, dt, times, d).and_then(|o| o.with_lags(&lags));
             operator.map(Some).ok_or_else(|| {
-                EvalError::Rejected(format!("{} delay of {d} s exceeds the record", GROUPS[group].name()))
+                let late = lags.iter().fold(0.0, |a: f64, b| if b.abs() > a.abs() { *b } else { a });
+                EvalError::Rejected(format!("{} delay of {} s exceeds the record", GROUPS[group].name(), d + late))
             })
         };
         Ok([take(self.options.torque_delay, 0)?, take(self.options.gyro_delay, 1)?])
@@ -560,7 +562,7 @@ impl<'a> OutputRows<'a> {
         }
         for group in 0..2 {
             let Some(values) = &values[group] else { continue };
-            let slope = by[group].as_ref().filter(|_| self.errors.skews(group));
+            let slope = by[group].as_ref().filter(|_| self.errors.retimes(group));
             let slope = slope.map(|o| o.slope(&w.values[group], w.first, of[group].clone()));
             let (first, stride) = self.place(of, group);
             for (k, source) in self.errors.of.iter().enumerate() {

@@ -144,9 +144,20 @@ impl SensorErrors {
         };
         Moving { qd, qdd: self.accelerations[(i, j)], sign, load }
     }
-    /// Whether a clock of this group may run at another rate.
-    pub(crate) fn skews(&self, group: usize) -> bool {
-        self.of.contains(&skew(group))
+    /// Whether a clock of this group may run at another rate, or one of its channels be late beside the others.
+    pub(crate) fn retimes(&self, group: usize) -> bool {
+        self.of.iter().any(|e| *e == skew(group) || group == 0 && matches!(e, ErrorSource::TorqueLag(_)))
+    }
+    /// How late every channel of a group is beside the others (s); empty where none may be.
+    pub(crate) fn lags(&self, e: &[f64], group: usize, channels: usize) -> Vec<f64> {
+        let mut lags = Vec::new();
+        for (source, &e) in self.of.iter().zip(e).filter(|_| group == 0) {
+            if let ErrorSource::TorqueLag(j) = *source {
+                lags.resize(channels, 0.0);
+                lags[j] += e;
+            }
+        }
+        lags
     }
     /// Sample times of a group by the clock of the encoders since the first sample of the grid (s), where its own runs slowly by the
     /// size of the skew among `e`; `None` where it does not or is none of the errors.
@@ -353,6 +364,11 @@ impl SensorErrors {
                             put(row, c, by * t * slope[(row, c)]);
                         });
                     }
+                }
+                ErrorSource::TorqueLag(c) => {
+                    let Some(slope) = slope else { continue };
+                    let by = self.of_torque(&effect, i, c, values[(row, c)]).1 * effect.scale(c);
+                    put(row, c, by * slope[(row, c)]);
                 }
                 ErrorSource::TorqueDrift(c)
                 | ErrorSource::TorqueWalk(c, _)

@@ -137,6 +137,7 @@ fn sensors(model: &Model) -> Vec<Hypothesis> {
         one("torque-bias", format!("a bias of the torque sensor of {j}"), "torque.bias", "N m");
         one("torque-drift", format!("a bias of the torque sensor of {j} that drifts"), "torque.drift", "N m/s");
         one("compliance", format!("an elastic {j} with its encoder on the motor's side"), "compliance", "rad/(N m)");
+        one("torque-clock", format!("a torque sensor of {j} that is late"), "torque.lag", "s");
         one("encoder-clock", format!("an encoder of {j} that is late"), "encoder.lag", "s");
         let friction = vec![
             component("viscous", JointTerm::Viscous.name(&j), JointTerm::Viscous.unit(false)),

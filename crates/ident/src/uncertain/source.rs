@@ -11,14 +11,14 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// With the predicted torque `tau_j` and base rate `w`, time `t` since the middle of the record, and rates `qd_j`, the sensors read
 ///
 /// ```text
-/// tau_j    ((1 + gain + gain_j) tau_j(t - skew t) + drift_j t + sum_k walk_jk ramp_k + f_j(qd_j, qdd_j, tau_j)) / k_j
+/// tau_j    ((1 + gain + gain_j) tau_j(t - skew t - lag_j) + drift_j t + sum_k walk_jk ramp_k + f_j(qd_j, qdd_j, tau_j)) / k_j
 /// gyro     diag(1 + scale + scale_i) exp([rotation x]) w(t - skew t) + drift t + sum_k walk_k ramp_k
 /// ```
 ///
 /// with the terms `f_j` of the joint ([`JointTerm`]: friction, reflected inertia) and the gain `k_j` of its drive where the channel is the
 /// current of its motor ([`ErrorSource::DriveGain`]), else one.
 ///
-/// and the robot moves by `q_j - compliance_j tau_j + lag_j qd_j` where the encoder reads `q_j`, under a constant wrench on its base. Placements
+/// and the robot moves by `q_j - compliance_j tau_j + lag_j qd_j` where the encoder reads `q_j` (with the lag of the encoder), under a constant wrench on its base. Placements
 /// of joints and mounts (encoder offsets, lengths of links, mounts) are [`ff_model::Model::kinematic_params`], biases and delays
 /// options of [`crate::OutputError`], masses and stiffnesses parameters of the model.
 ///
@@ -45,6 +45,8 @@ pub enum ErrorSource {
     DriveGain(usize),
     /// How slowly the clock of the torques runs against that of the encoders, relative.
     TorqueSkew,
+    /// How late the torque sensor of a joint is beside the others (s): its filter, or a bus that asks one after the other.
+    TorqueLag(usize),
     /// Relative scale of the gyro, or of one of its axes.
     GyroScale(Option<usize>),
     /// Rotation vector from base axes to those of the gyro, one component (rad).
@@ -119,6 +121,7 @@ impl ErrorSource {
         out.extend(each(Self::TorqueDrift, joints));
         out.extend(each(|j| Self::Joint(j, JointTerm::Viscous), joints));
         out.extend(each(|j| Self::Joint(j, JointTerm::Coulomb), joints));
+        out.extend(each(Self::TorqueLag, joints));
         out.extend(each(Self::Compliance, joints));
         out.extend(each(Self::EncoderLag, joints));
         out.extend(each(|i| Self::GyroScale(Some(i)), 3));
@@ -142,6 +145,7 @@ impl ErrorSource {
             Self::Joint(j, term) => term.name(&joints[j]),
             Self::DriveGain(j) => format!("drive.{}.gain", joints[j]),
             Self::TorqueSkew => "torque.skew".into(),
+            Self::TorqueLag(j) => format!("torque.lag.{}", joints[j]),
             Self::GyroScale(None) => "gyro.scale".into(),
             Self::GyroScale(Some(i)) => format!("gyro.scale.{}", AXES[i]),
             Self::GyroRotation(i) => format!("gyro.rotation.{}", AXES[i]),
@@ -178,7 +182,7 @@ impl ErrorSource {
             Self::GyroDrift(_) => "rad/s^2",
             Self::GyroWalk(..) => "rad/s",
             Self::Compliance(_) => "rad/(N m)",
-            Self::EncoderLag(_) => "s",
+            Self::TorqueLag(_) | Self::EncoderLag(_) => "s",
             Self::Force(_) => "N",
             Self::Oscillator(_, column) => column.unit(),
         }
@@ -187,6 +191,7 @@ impl ErrorSource {
     pub fn is_of_robot(&self) -> bool {
         match self {
             Self::TorqueGain(_)
+            | Self::TorqueLag(_)
             | Self::Joint(..)
             | Self::DriveGain(_)
             | Self::GyroScale(_)
@@ -211,7 +216,7 @@ impl ErrorSource {
             Self::TorqueGain(_) | Self::GyroScale(_) | Self::GyroRotation(_) | Self::DriveGain(_) => 1e-2,
             Self::TorqueSkew | Self::GyroSkew | Self::ClockRate => 1e-3,
             // Steps of a fit are held to a few sizes: a sample of a slow bus, and what stands out of one reading by the end.
-            Self::EncoderLag(_) => 1e-2,
+            Self::TorqueLag(_) | Self::EncoderLag(_) => 1e-2,
             Self::TorqueDrift(_) => 10.0 * torque / seconds,
             Self::GyroDrift(_) => 10.0 * gyro / seconds,
             Self::Joint(_, JointTerm::Load) => 1e-2,
@@ -231,6 +236,7 @@ impl ErrorSource {
             Self::TorqueGain(Some(j))
             | Self::TorqueDrift(j)
             | Self::TorqueWalk(j, _)
+            | Self::TorqueLag(j)
             | Self::Joint(j, _)
             | Self::DriveGain(j)
             | Self::Compliance(j)
@@ -258,7 +264,8 @@ impl ErrorSource {
             | Self::TorqueWalk(..)
             | Self::Joint(..)
             | Self::DriveGain(_)
-            | Self::TorqueSkew => ActsOn::Readings(0),
+            | Self::TorqueSkew
+            | Self::TorqueLag(_) => ActsOn::Readings(0),
             Self::GyroScale(_) | Self::GyroRotation(_) | Self::GyroDrift(_) | Self::GyroWalk(..) | Self::GyroSkew => {
                 ActsOn::Readings(1)
             }
