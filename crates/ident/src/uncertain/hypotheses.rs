@@ -25,7 +25,7 @@ pub struct Component {
 pub struct Hypothesis {
     /// Its name, as `--adopt` takes it: `gyro-misalignment`, `torque-gain.joint3`.
     pub name: String,
-    /// In words, as the subject of "would explain it": `a gyro that is turned`.
+    /// In words, as the subject of "would explain it": `a gyro that reads rates turned`.
     pub words: String,
     /// Its components.
     pub components: Vec<Component>,
@@ -114,7 +114,7 @@ fn sensors(model: &Model) -> Vec<Hypothesis> {
     let mut out = vec![
         Hypothesis::one("torque-gain", "a common gain of all torque sensors", "torque.gain", "1"),
         Hypothesis::one("gyro-scale", "a scale of the gyro", "gyro.scale", "1"),
-        Hypothesis::new("gyro-misalignment", "a gyro that is turned", axes("gyro.rotation.", "rad")),
+        Hypothesis::new("gyro-misalignment", "a gyro that reads rates turned", axes("gyro.rotation.", "rad")),
         Hypothesis::new("gyro-drift", "a bias of the gyro that drifts", axes("gyro.drift.", "rad/s^2")),
         Hypothesis::new("gyro-bias", "a bias of the gyro", axes("gyro.bias.", "rad/s")),
         Hypothesis::one("torque-clock", "torques that are late", "torque.delay", "s"),
@@ -159,9 +159,11 @@ fn placements(model: &Model) -> Vec<Hypothesis> {
             Placed::Mount(k) => (k, true, mounts[k].name.clone()),
         };
         let (kind, name, words) = match (p.kind, is_mount) {
-            (DisplacementKind::Offset, _) => {
-                (0, format!("encoder-offset.{owner}"), format!("an offset of the encoder of {owner}"))
-            }
+            (DisplacementKind::Offset, _) => (
+                0,
+                format!("encoder-offset.{owner}"),
+                format!("an offset of the encoder of {owner} (to add to its readings)"),
+            ),
             (DisplacementKind::Shift, false) => {
                 (1, format!("joint-position.{owner}"), format!("{owner} at another place on the link before it"))
             }
@@ -228,7 +230,7 @@ fn parameters(decls: &[ParamDecl], selected: &[usize], values: &[f64]) -> Vec<Hy
         let scaled = vec![Component { name: String::new(), unit: "1".into(), of: all }];
         out.push(Hypothesis::new(
             format!("mass.{prefix}"),
-            format!("a relative error of the mass of {prefix}"),
+            format!("a mass of {prefix} other than the mission's"),
             scaled,
         ));
         let numbers = |range: core::ops::Range<usize>, unit: &str| -> Vec<Component> {
@@ -252,7 +254,7 @@ fn parameters(decls: &[ParamDecl], selected: &[usize], values: &[f64]) -> Vec<Hy
     for (owner, all) in owners {
         if all.len() > 10 {
             let scaled = vec![Component { name: String::new(), unit: "1".into(), of: all }];
-            let words = format!("a relative error of the mass of all of {owner}");
+            let words = format!("a mass of all of {owner} other than the mission's");
             out.push(Hypothesis::new(format!("mass.{owner}"), words, scaled));
         }
     }

@@ -14,6 +14,9 @@
 //! Noise of the encoders comes into the prediction through the joint motion and is in r besides the noise of the sensors. Given draws
 //! n_m of what it does to the residuals, `cov s = S + mean (C^T P n_m)(C^T P n_m)^T` takes the place of S in the test. Of M draws, that is an
 //! estimate of `M / rho^2` degrees of freedom, with rho their part of the variance along what is tested, and the statistic one of Hotelling's.
+//!
+//! The same noise is in the columns, which are those of the prediction: s has an expectation where nothing is wrong
+//! ([`Scores::allow_for_noise_in_columns`]).
 
 use crate::estimate::along;
 use crate::estimate::estimator::Estimator;
@@ -32,6 +35,9 @@ const APART: f64 = 1e-8;
 const SURE: f64 = 1.645;
 /// Relative width of what holds unknowns that the data do not tell, in their sizes.
 const HOLD: f64 = 1e6;
+
+/// Part of what noise is found to give the sums `s` on average that it may be off by: a few draws tell it, and this noise was one of its own.
+const ROUGHLY: f64 = 0.5;
 
 /// A linear combination of columns: index of the column and weight.
 pub type Combination = Vec<(usize, f64)>;
@@ -293,6 +299,32 @@ impl Scores {
             motion,
         })
     }
+    /// The sums `s = C^T P r` of all components.
+    pub fn sums(&self) -> &DVector<f64> {
+        &self.slope
+    }
+    /// Takes off the sums `s` what noise of the motion gives them on average because it is in the columns and in the residuals alike (errors in
+    /// variables): measured torques regressed on predicted ones with noise have a gain below one, and a mode that is driven by nothing but noise
+    /// explains that noise. With as much noise again that is there twice (J. R. Cook, L. A. Stefanski, *J. Am. Stat. Assoc.* 89, 1994, 1314): from the
+    /// sums `still` of the motion as it is and those with draws added to it and taken off it,
+    ///
+    /// ```text
+    /// b = mean (s+ + s-) / 2 - still,   s - b,   cov s + (b / 2) (b / 2)^T
+    /// ```
+    ///
+    /// The last term is for what a few draws do not tell of b. Without draws nothing changes.
+    ///
+    /// # Panics
+    /// If sums are not as many as components.
+    pub fn allow_for_noise_in_columns(&mut self, still: &DVector<f64>, shaken: &[[DVector<f64>; 2]]) {
+        let mut bias = DVector::zeros(self.slope.len());
+        for s in shaken.iter().flatten() {
+            bias += (s - still) / (2 * shaken.len()) as f64;
+        }
+        self.slope -= &bias;
+        bias *= ROUGHLY;
+        self.noise.ger(1.0, &bias, &bias, 1.0);
+    }
     /// Chi-squared that is left behind the projection, over the degrees of freedom.
     pub fn chi2_per_dof(&self) -> f64 {
         self.chi2 / self.freedom.max(1) as f64
@@ -300,6 +332,10 @@ impl Scores {
     /// What noise of the motion adds to [`Scores::chi2_per_dof`].
     pub fn motion_noise(&self) -> f64 {
         self.motion / self.freedom.max(1) as f64
+    }
+    /// Whether noise of the motion leaves so much in the residuals that a drop of chi-squared may be of it: no columns explain more of it than there is.
+    pub fn may_be_motion_noise(&self, drop: f64) -> bool {
+        drop < self.motion
     }
     /// What draws of the motion's noise do to the residuals: one column per draw.
     pub fn drawn(&self) -> &DMatrix<f64> {
@@ -361,6 +397,7 @@ impl Scores {
             return None;
         }
         let inverse = usable(&s)?;
+        noise += unseen(&s, &noise, self.drawn.ncols());
         let with_noise = usable(&(&s + &noise))?;
         let e = -(&inverse * &slope);
         let weights = &with_noise * &slope;
@@ -409,6 +446,19 @@ impl Scores {
         let (x, y) = (&x.estimate[..], &y.estimate[..]);
         product(a, x, b, y) / (product(a, x, a, x) * product(b, y, b, y)).sqrt()
     }
+}
+
+/// What so many draws leave out of the covariance of noise in k directions, of which they leave more the fewer they are for each: the part k / draws of
+/// what it is on average, as a multiple of `s` (with l the eigenvalues of `s^-1 noise`, the geometric mean of `1 + l` less one). Directions that chance
+/// has left without noise would be those that a test finds.
+fn unseen(s: &DMatrix<f64>, noise: &DMatrix<f64>, draws: usize) -> DMatrix<f64> {
+    let k = s.nrows();
+    let of = |m: DMatrix<f64>| m.cholesky().map(|c| c.ln_determinant());
+    let mean = match (of(s + noise), of(s.clone())) {
+        (Some(with), Some(without)) if draws > 0 => ((with - without) / k as f64).exp_m1(),
+        _ => 0.0,
+    };
+    s * (mean.max(0.0) * (k as f64 / draws.max(1) as f64).min(1.0))
 }
 
 /// `-ln p` of chi-squared x with k degrees of freedom; beyond what p can hold `x/2 - (k/2 - 1) ln(x/2) + ln Gamma(k/2)`.

@@ -42,7 +42,7 @@ pub(super) fn set_clocks(
             records[k].record = corrected;
         }
         correction.found().iter().for_each(|c| records[c.record].resampled = c.corrected);
-        let again = match fit(records, s) {
+        let again = match fit(records, &with_the_rest(s, records)) {
             Ok(again) if !again.result.status.is_interrupted() => again,
             // The fit before it has ended, and is that of the records as they were.
             ended => {
@@ -60,6 +60,20 @@ pub(super) fn set_clocks(
         }
         (found, said) = (again, now);
     }
+}
+
+/// With what is left of the delays that were corrected among the unknowns: a gyro tells its delay better than the comparison of clocks does, and what that leaves
+/// is no error of the model.
+fn with_the_rest(s: &Settings, records: &[LabelledRecord]) -> Settings {
+    let mut s = s.clone();
+    for (name, corrected) in
+        [("torque-clock", records.iter().any(|r| r.resampled.0)), ("gyro-clock", records.iter().any(|r| r.resampled.1))]
+    {
+        if corrected && !s.adopt.iter().any(|a| a == name) {
+            s.adopt.push(name.to_owned());
+        }
+    }
+    s
 }
 
 /// A correction that was taken back, where clocks were asked for.

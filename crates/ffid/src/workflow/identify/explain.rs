@@ -70,17 +70,16 @@ impl Tests {
 /// are indications: a score is that of a linearisation whose unknowns have not settled.
 pub(super) fn tests(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Result<Option<Tests>, IdentifyError> {
     let settled = end.fitted.estimate.is_solution();
-    let Some(mut survey) = Survey::new(end, twins, s, &Columns::Every(None))? else { return Ok(None) };
-    let mut ranking = survey.layout.rank(&survey.scores);
+    let Some((mut survey, mut ranking)) = ranked(end, twins, s, None)? else { return Ok(None) };
     let mut extra = None;
     if settled
         && extra_mode::may_be(end, &survey, &ranking)
         && let Some(found) = extra_mode::search(end, twins, s)?
         && found.stands_out(uncertain::LEVEL / (1 + ranking.tested) as f64)
         && ranking.named.iter().all(|n| n.score.evidence < found.evidence())
-        && let Some(with) = Survey::new(end, twins, s, &Columns::Every(Some(&found)))?
+        && let Some(with) = ranked(end, twins, s, Some(&found))?
     {
-        (ranking, survey) = (with.layout.rank(&with.scores), with);
+        (survey, ranking) = with;
         extra = Some(found);
     }
     Ok(Some(found_by(end, survey, &ranking, extra)))
@@ -92,9 +91,28 @@ pub(super) fn tests_of_listed(
     twins: &[Twin<'_>],
     s: &Settings,
 ) -> Result<Option<Tests>, IdentifyError> {
-    let Some(survey) = Survey::new(end, twins, s, &Columns::Every(None))? else { return Ok(None) };
-    let ranking = survey.layout.rank(&survey.scores);
+    let Some((survey, ranking)) = ranked(end, twins, s, None)? else { return Ok(None) };
     Ok(Some(found_by(end, survey, &ranking, None)))
+}
+
+/// Tests of every error, and of an oscillator that was found. Where noise of the encoders is loud and errors are named, that noise may be what they are named
+/// for: then without what it gives the tests.
+fn ranked(
+    end: &Ended<'_>,
+    twins: &[Twin<'_>],
+    s: &Settings,
+    extra: Option<&ExtraMode>,
+) -> Result<Option<(Survey, Ranking)>, IdentifyError> {
+    let columns = Columns::Every(extra);
+    let of = |survey: Survey| (survey.layout.rank(&survey.scores), survey);
+    let Some((ranking, survey)) = Survey::new(end, twins, s, &columns)?.map(of) else { return Ok(None) };
+    let may_be_noise = |n: &Named| survey.scores.may_be_motion_noise(n.score.drop);
+    if !end.loud || !ranking.named.first().is_some_and(may_be_noise) {
+        return Ok(Some((survey, ranking)));
+    }
+    let again = Survey::without_noise_in_columns(end, twins, s, &columns)?.map(of);
+    let (ranking, survey) = again.unwrap_or((ranking, survey));
+    Ok(Some((survey, ranking)))
 }
 
 /// Tests as they are reported.

@@ -239,7 +239,7 @@ pub(super) fn search(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Resul
     let mut here = Oscillator { inertia: inertia(&score.estimate), ..best.clone() };
     let seconds = end.records.iter().map(|r| r.record.seconds()).fold(0.0, f64::max);
     let (_, length) = scale(end.model, end.values);
-    let (mut found, mut drop): (Option<ExtraMode>, f64) = (None, 0.0);
+    let (mut found, mut drop, mut may_be_noise): (Option<ExtraMode>, f64, bool) = (None, 0.0, false);
     for _ in 0..STEPS {
         let one = core::slice::from_ref(&here);
         let Some(survey) = Survey::new(end, twins, s, &Columns::Oscillators(one))? else { break };
@@ -261,6 +261,7 @@ pub(super) fn search(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Resul
         let level = spectrum.level(here.frequency_hz);
         let drop = score.drop - shape.misfit;
         let chance = score.p;
+        may_be_noise = end.loud && survey.scores.may_be_motion_noise(score.drop);
         found = Some(ExtraMode { oscillator: here.clone(), std, places, shape, drop, level, chance });
         if ended {
             break;
@@ -272,7 +273,15 @@ pub(super) fn search(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Resul
         here.inertia = Some(inertia);
     }
     // What pushes the base where it should hold it back is no mode.
-    Ok(found.filter(|m| m.drop > KEPT * drop))
+    let Some(mode) = found.filter(|m| m.drop > KEPT * drop) else { return Ok(None) };
+    if !may_be_noise {
+        return Ok(Some(mode));
+    }
+    // Nor is what noise of the encoders alone drives: it explains that noise.
+    let one = core::slice::from_ref(&mode.oscillator);
+    let survey = Survey::without_noise_in_columns(end, twins, s, &Columns::Oscillators(one))?;
+    let score = survey.and_then(|survey| survey.scores.test(&survey.oscillators[0], &[]));
+    Ok(score.map(|score| ExtraMode { drop: (score.drop - mode.shape.misfit).max(0.0), chance: score.p, ..mode }))
 }
 
 /// The effective inertia that can exist: of one coordinate, unless two explain more.

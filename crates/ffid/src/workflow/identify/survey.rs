@@ -129,6 +129,25 @@ impl Survey {
         s: &Settings,
         columns: &Columns<'_>,
     ) -> Result<Option<Self>, IdentifyError> {
+        Self::made(end, twins, s, columns, false)
+    }
+    /// Without what noise of the encoders gives the scores because it is in the columns as well
+    /// ([`Scores::allow_for_noise_in_columns`]): goes through the records eight times.
+    pub(super) fn without_noise_in_columns(
+        end: &Ended<'_>,
+        twins: &[Twin<'_>],
+        s: &Settings,
+        columns: &Columns<'_>,
+    ) -> Result<Option<Self>, IdentifyError> {
+        Self::made(end, twins, s, columns, true)
+    }
+    fn made(
+        end: &Ended<'_>,
+        twins: &[Twin<'_>],
+        s: &Settings,
+        columns: &Columns<'_>,
+        noise_in_columns: bool,
+    ) -> Result<Option<Self>, IdentifyError> {
         let (model, e) = (end.model, &end.fitted.estimate);
         if twins.is_empty() {
             return Ok(None);
@@ -327,8 +346,21 @@ impl Survey {
             priors: (known, of_priors),
         };
         // The model may not move there at all: then nothing is tested.
-        let Ok(scores) = Scores::new(&mut *all, &at_end, &layout.components, &draws) else { return Ok(None) };
-        let shaken = if matches!(columns, Columns::Shaken) { shaken(&mut *all, &at_end, &nuisance) } else { None };
+        let Ok(mut scores) = Scores::new(&mut *all, &at_end, &layout.components, &draws) else { return Ok(None) };
+        let shaken = if matches!(columns, Columns::Shaken) {
+            shaken(&at_end, &nuisance, &mut |at| NormalEquations::new(&mut *all, at).ok())
+        } else {
+            None
+        };
+        if noise_in_columns {
+            let mut sums = |at: &EndOfFit<'_>| {
+                let scores = Scores::new(&mut *all, at, &layout.components, &[]).ok()?;
+                Some(scores.sums().clone_owned())
+            };
+            if let Some((still, shaken)) = self::shaken(&at_end, &nuisance, &mut sums) {
+                scores.allow_for_noise_in_columns(&still, &shaken);
+            }
+        }
         let (mut drawn, mut first) = (Vec::new(), 0);
         for (n, order) in rows.iter().zip(&orders) {
             let of_rows = scores.drawn().rows(first, *n);
@@ -341,12 +373,13 @@ impl Survey {
     }
 }
 
-/// See [`Survey::shaken`]. `None` where the motion was not fitted, or the model does not move with the noise.
-fn shaken(
-    estimator: &mut dyn Estimator,
+/// What `of` makes of the end of a fit, with the motion as it is, and with noise of the encoders added to it and taken off it, draw after draw. `None`
+/// where the motion was not fitted, or the model does not move with the noise.
+fn shaken<T>(
     end: &EndOfFit<'_>,
     nuisance: &[Unknown],
-) -> Option<(NormalEquations, Vec<[NormalEquations; 2]>)> {
+    of: &mut dyn FnMut(&EndOfFit<'_>) -> Option<T>,
+) -> Option<(T, Vec<[T; 2]>)> {
     let mut at = |size: f64, draw: usize| {
         let mut extra = end.extra.to_vec();
         let mut found = false;
@@ -357,7 +390,7 @@ fn shaken(
         // Residuals of the fit are those of its own steps and of the motion as it is.
         let priors = end.priors.clone();
         let shaken = EndOfFit { extra: &extra, residuals: None, priors, ..*end };
-        found.then(|| NormalEquations::new(&mut *estimator, &shaken).ok())?
+        found.then(|| of(&shaken))?
     };
     let still = at(0.0, 0)?;
     let all: Option<Vec<_>> = (0..SHAKEN).map(|k| Some([at(1.0, k)?, at(-1.0, k)?])).collect();

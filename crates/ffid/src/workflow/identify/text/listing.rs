@@ -22,7 +22,7 @@ fn error(f: &mut fmt::Formatter<'_>, n: &NamedError) -> fmt::Result {
     let alike = match &n.alike[..] {
         [] => String::new(),
         all => format!(
-            "; this record cannot tell it from {}",
+            "; nearly the same effect (correlation above 0.95) has {}",
             ff_model::diagnostics::list(all.iter().map(String::as_str), 4)
         ),
     };
