@@ -4,11 +4,13 @@ use super::error::IdentifyError;
 use super::findings::ClockLine;
 use super::identified::Identified;
 use super::labelled_record::LabelledRecord;
+use super::result::parameter::Parameter;
 use super::settings::Settings;
 use ff_model::{Area, Model, Problem, Problems};
 use ff_records::Record;
 use ff_records::clock::ClockEstimate;
 use ident::checks::{ClockCorrection, ClockCorrectionError, ClockPolicy, CorrectedClocks, FittedModel};
+use ident::compose::is_called;
 
 /// Another fit of corrected records.
 pub(super) type Refit<'a> = &'a dyn Fn(&[LabelledRecord], &Settings) -> Result<Identified, IdentifyError>;
@@ -35,14 +37,15 @@ pub(super) fn set_clocks(
             correction.round(&fitted, &current, policy == ClockPolicy::Require).map_err(|e| refusal(e, records))?;
         let now = lines(records, &correction);
         if changed.is_empty() {
-            return Ok((found, now.0, now.1));
+            let (found, lines) = with_the_rest(found, now.0, records, s, fit)?;
+            return Ok((found, lines, now.1));
         }
         let before = records.to_vec();
         for (k, corrected) in changed {
             records[k].record = corrected;
         }
         correction.found().iter().for_each(|c| records[c.record].resampled = c.corrected);
-        let again = match fit(records, &with_the_rest(s, records)) {
+        let again = match fit(records, s) {
             Ok(again) if !again.result.status.is_interrupted() => again,
             // The fit before it has ended, and is that of the records as they were.
             ended => {
@@ -62,18 +65,37 @@ pub(super) fn set_clocks(
     }
 }
 
-/// With what is left of the delays that were corrected among the unknowns: a gyro tells its delay better than the comparison of clocks does, and what that leaves
-/// is no error of the model.
-fn with_the_rest(s: &Settings, records: &[LabelledRecord]) -> Settings {
-    let mut s = s.clone();
-    for (name, corrected) in
-        [("torque-clock", records.iter().any(|r| r.resampled.0)), ("gyro-clock", records.iter().any(|r| r.resampled.1))]
-    {
-        if corrected && !s.adopt.iter().any(|a| a == name) {
-            s.adopt.push(name.to_owned());
+/// With what is left of delays that were corrected among the unknowns, where the tests of errors still see it: they tell a delay better than the comparison of
+/// clocks does, and what that leaves is no error of the model.
+fn with_the_rest(
+    found: Identified,
+    mut lines: Vec<ClockLine>,
+    records: &[LabelledRecord],
+    s: &Settings,
+    fit: Refit<'_>,
+) -> Result<(Identified, Vec<ClockLine>), IdentifyError> {
+    let is_seen = |error: &str| found.result.evidence.as_ref().is_some_and(|e| e.named.iter().any(|n| n.name == error));
+    let groups = [("torque", records.iter().any(|r| r.resampled.0)), ("gyro", records.iter().any(|r| r.resampled.1))];
+    let corrected = groups.into_iter().filter(|g| g.1).map(|g| format!("{}-clock", g.0));
+    let left: Vec<String> = corrected.filter(|error| is_seen(error) && !s.adopt.contains(error)).collect();
+    if left.is_empty() {
+        return Ok((found, lines));
+    }
+    let settings = Settings { adopt: [&s.adopt[..], &left[..]].concat(), ..s.clone() };
+    let again = fit(records, &settings)?;
+    if again.result.status.is_interrupted() || again.result.chi2_per_dof > WORSE * found.result.chi2_per_dof {
+        return Ok((found, lines));
+    }
+    for line in lines.iter_mut().filter(|l| l.corrected) {
+        let delay = format!("{}.delay", line.group);
+        let label = [line.record.clone()];
+        let of_record = |p: &&Parameter| is_called(&p.name, &delay, &label);
+        if let Some(rest) = again.result.nuisance.iter().find(of_record) {
+            line.offset_s += rest.value;
+            line.offset_std_s = rest.std.unwrap_or(line.offset_std_s);
         }
     }
-    s
+    Ok((again, lines))
 }
 
 /// A correction that was taken back, where clocks were asked for.
