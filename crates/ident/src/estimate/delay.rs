@@ -74,9 +74,10 @@ impl OutputOperator {
     pub(crate) fn end(&self, i: usize) -> usize {
         self.first_with(i, self.earliest()) + N
     }
-    /// How many stencils a reading has: one for all channels that are alike.
-    fn stencils(&self) -> usize {
-        self.lags.len().max(1)
+    /// The stencils of readings, one after the other, and how many each has: one for every channel, or one for all that are alike.
+    fn stencils(&self, readings: Range<usize>) -> (Vec<Stencil>, usize) {
+        let each = self.lags.len().max(1);
+        (readings.flat_map(|i| (0..each).map(move |own| self.stencil(i, own))).collect(), each)
     }
     /// That of a channel, of which the first stands for all that are alike.
     fn stencil(&self, i: usize, channel: usize) -> Stencil {
@@ -117,15 +118,12 @@ impl OutputOperator {
         pick: impl Fn(&Stencil) -> &[f64; N],
     ) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(readings.len(), y.ncols());
-        let each = self.stencils();
-        for (row, i) in readings.enumerate() {
-            for own in 0..each {
-                let stencil = self.stencil(i, own);
-                let (first, w) = (stencil.0 - from, pick(&stencil));
-                let channels = if each == 1 { 0..y.ncols() } else { own..own + 1 };
-                for c in channels {
-                    out[(row, c)] = (0..N).map(|k| w[k] * y[(first + k, c)]).sum();
-                }
+        let (stencils, each) = self.stencils(readings);
+        for (row, own) in stencils.chunks_exact(each).enumerate() {
+            for c in 0..y.ncols() {
+                let stencil = &own[c.min(each - 1)];
+                let (first, w) = (stencil.0 - from, pick(stencil));
+                out[(row, c)] = (0..N).map(|k| w[k] * y[(first + k, c)]).sum();
             }
         }
         out
@@ -139,9 +137,7 @@ impl OutputOperator {
         readings: Range<usize>,
     ) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(channels * readings.len(), d.ncols());
-        let each = self.stencils();
-        let of = |i: usize| (0..each).map(move |own| self.stencil(i, own));
-        let stencils: Vec<Stencil> = readings.flat_map(of).collect();
+        let (stencils, each) = self.stencils(readings);
         for (mut out, d) in out.column_iter_mut().zip(d.column_iter()) {
             for (i, own) in stencils.chunks_exact(each).enumerate() {
                 for c in 0..channels {

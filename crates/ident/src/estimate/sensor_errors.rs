@@ -315,6 +315,8 @@ impl SensorErrors {
         let (source, channels) = (self.of[k], values.ncols());
         let effect = self.effect(e, group, channels);
         let gyro = |m: &DMatrix<f64>, row: usize| Vector3::new(m[(row, 0)], m[(row, 1)], m[(row, 2)]);
+        // What a unit of error-free torque is in a channel.
+        let unit = |row: usize, i: usize, c: usize| self.of_torque(&effect, i, c, values[(row, c)]).1 * effect.scale(c);
         for (row, i) in readings.enumerate() {
             match source {
                 ErrorSource::TorqueGain(of) => match of {
@@ -359,16 +361,12 @@ impl SensorErrors {
                         let d = effect.turned(gyro(slope, row));
                         (0..3).for_each(|c| put(row, c, effect.gain[c] * t * d[c]));
                     } else {
-                        (0..channels).for_each(|c| {
-                            let by = self.of_torque(&effect, i, c, values[(row, c)]).1 * effect.scale(c);
-                            put(row, c, by * t * slope[(row, c)]);
-                        });
+                        (0..channels).for_each(|c| put(row, c, unit(row, i, c) * t * slope[(row, c)]));
                     }
                 }
                 ErrorSource::TorqueLag(c) => {
                     let Some(slope) = slope else { continue };
-                    let by = self.of_torque(&effect, i, c, values[(row, c)]).1 * effect.scale(c);
-                    put(row, c, by * slope[(row, c)]);
+                    put(row, c, unit(row, i, c) * slope[(row, c)]);
                 }
                 ErrorSource::TorqueDrift(c)
                 | ErrorSource::TorqueWalk(c, _)

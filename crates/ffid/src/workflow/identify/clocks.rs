@@ -37,7 +37,7 @@ pub(super) fn set_clocks(
             correction.round(&fitted, &current, policy == ClockPolicy::Require).map_err(|e| refusal(e, records))?;
         let now = lines(records, &correction);
         if changed.is_empty() {
-            let (found, lines) = with_the_rest(found, now.0, records, s, fit)?;
+            let (found, lines) = with_the_rest(found, now.0, records, s, fit);
             return Ok((found, lines, now.1));
         }
         let before = records.to_vec();
@@ -73,19 +73,20 @@ fn with_the_rest(
     records: &[LabelledRecord],
     s: &Settings,
     fit: Refit<'_>,
-) -> Result<(Identified, Vec<ClockLine>), IdentifyError> {
+) -> (Identified, Vec<ClockLine>) {
     let is_seen = |error: &str| found.result.evidence.as_ref().is_some_and(|e| e.named.iter().any(|n| n.name == error));
     let groups = [("torque", records.iter().any(|r| r.resampled.0)), ("gyro", records.iter().any(|r| r.resampled.1))];
     let corrected = groups.into_iter().filter(|g| g.1).map(|g| format!("{}-clock", g.0));
     let left: Vec<String> = corrected.filter(|error| is_seen(error) && !s.adopt.contains(error)).collect();
     if left.is_empty() {
-        return Ok((found, lines));
+        return (found, lines);
     }
     let settings = Settings { adopt: [&s.adopt[..], &left[..]].concat(), ..s.clone() };
-    let again = fit(records, &settings)?;
-    if again.result.status.is_interrupted() || again.result.chi2_per_dof > WORSE * found.result.chi2_per_dof {
-        return Ok((found, lines));
-    }
+    let is_better = |again: &Identified| {
+        !again.result.status.is_interrupted() && again.result.chi2_per_dof <= WORSE * found.result.chi2_per_dof
+    };
+    // The fit before it has ended, whatever becomes of this one.
+    let Some(again) = fit(records, &settings).ok().filter(is_better) else { return (found, lines) };
     for line in lines.iter_mut().filter(|l| l.corrected) {
         let delay = format!("{}.delay", line.group);
         let label = [line.record.clone()];
@@ -95,7 +96,7 @@ fn with_the_rest(
             line.offset_std_s = rest.std.unwrap_or(line.offset_std_s);
         }
     }
-    Ok((again, lines))
+    (again, lines)
 }
 
 /// A correction that was taken back, where clocks were asked for.

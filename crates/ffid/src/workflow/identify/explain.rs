@@ -103,16 +103,15 @@ fn ranked(
     s: &Settings,
     extra: Option<&ExtraMode>,
 ) -> Result<Option<(Survey, Ranking)>, IdentifyError> {
-    let columns = Columns::Every(extra);
-    let of = |survey: Survey| (survey.layout.rank(&survey.scores), survey);
-    let Some((ranking, survey)) = Survey::new(end, twins, s, &columns)?.map(of) else { return Ok(None) };
-    let may_be_noise = |n: &Named| survey.scores.may_be_motion_noise(n.score.drop);
-    if !end.loud || !ranking.named.first().is_some_and(may_be_noise) {
-        return Ok(Some((survey, ranking)));
-    }
-    let again = Survey::without_noise_in_columns(end, twins, s, &columns)?.map(of);
-    let (ranking, survey) = again.unwrap_or((ranking, survey));
-    Ok(Some((survey, ranking)))
+    let may_be_noise = |scores: &Scores, layout: &Layout| {
+        let first = |named: &[Named]| named.first().is_some_and(|n| scores.may_be_motion_noise(n.score.drop));
+        end.loud && first(&layout.rank(scores).named)
+    };
+    let survey = Survey::without_noise_in_columns(end, twins, s, &Columns::Every(extra), &may_be_noise)?;
+    Ok(survey.map(|survey| {
+        let ranking = survey.layout.rank(&survey.scores);
+        (survey, ranking)
+    }))
 }
 
 /// Tests as they are reported.

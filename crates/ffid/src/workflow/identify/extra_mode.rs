@@ -279,7 +279,7 @@ pub(super) fn search(end: &Ended<'_>, twins: &[Twin<'_>], s: &Settings) -> Resul
     }
     // Nor is what noise of the encoders alone drives: it explains that noise.
     let one = core::slice::from_ref(&mode.oscillator);
-    let survey = Survey::without_noise_in_columns(end, twins, s, &Columns::Oscillators(one))?;
+    let survey = Survey::without_noise_in_columns(end, twins, s, &Columns::Oscillators(one), &|_, _| true)?;
     let score = survey.and_then(|survey| survey.scores.test(&survey.oscillators[0], &[]));
     Ok(score.map(|score| ExtraMode { drop: (score.drop - mode.shape.misfit).max(0.0), chance: score.p, ..mode }))
 }

@@ -129,24 +129,16 @@ impl Survey {
         s: &Settings,
         columns: &Columns<'_>,
     ) -> Result<Option<Self>, IdentifyError> {
-        Self::made(end, twins, s, columns, false)
+        Self::without_noise_in_columns(end, twins, s, columns, &|_, _| false)
     }
-    /// Without what noise of the encoders gives the scores because it is in the columns as well
-    /// ([`Scores::allow_for_noise_in_columns`]): goes through the records eight times.
+    /// [`Survey::new`]; where the scores `may_be_noise`, without what noise of the encoders gives them because it is in the columns as well
+    /// ([`Scores::allow_for_noise_in_columns`]), for which the records are gone through seven times more.
     pub(super) fn without_noise_in_columns(
         end: &Ended<'_>,
         twins: &[Twin<'_>],
         s: &Settings,
         columns: &Columns<'_>,
-    ) -> Result<Option<Self>, IdentifyError> {
-        Self::made(end, twins, s, columns, true)
-    }
-    fn made(
-        end: &Ended<'_>,
-        twins: &[Twin<'_>],
-        s: &Settings,
-        columns: &Columns<'_>,
-        noise_in_columns: bool,
+        may_be_noise: &dyn Fn(&Scores, &Layout) -> bool,
     ) -> Result<Option<Self>, IdentifyError> {
         let (model, e) = (end.model, &end.fitted.estimate);
         if twins.is_empty() {
@@ -348,16 +340,16 @@ impl Survey {
         // The model may not move there at all: then nothing is tested.
         let Ok(mut scores) = Scores::new(&mut *all, &at_end, &layout.components, &draws) else { return Ok(None) };
         let shaken = if matches!(columns, Columns::Shaken) {
-            shaken(&at_end, &nuisance, &mut |at| NormalEquations::new(&mut *all, at).ok())
+            with_noise_added(&at_end, &nuisance, &mut |at| NormalEquations::new(&mut *all, at).ok())
         } else {
             None
         };
-        if noise_in_columns {
+        if may_be_noise(&scores, &layout) {
             let mut sums = |at: &EndOfFit<'_>| {
                 let scores = Scores::new(&mut *all, at, &layout.components, &[]).ok()?;
                 Some(scores.sums().clone_owned())
             };
-            if let Some((still, shaken)) = self::shaken(&at_end, &nuisance, &mut sums) {
+            if let Some((still, shaken)) = with_noise_added(&at_end, &nuisance, &mut sums) {
                 scores.allow_for_noise_in_columns(&still, &shaken);
             }
         }
@@ -375,7 +367,7 @@ impl Survey {
 
 /// What `of` makes of the end of a fit, with the motion as it is, and with noise of the encoders added to it and taken off it, draw after draw. `None`
 /// where the motion was not fitted, or the model does not move with the noise.
-fn shaken<T>(
+fn with_noise_added<T>(
     end: &EndOfFit<'_>,
     nuisance: &[Unknown],
     of: &mut dyn FnMut(&EndOfFit<'_>) -> Option<T>,
