@@ -72,7 +72,8 @@ fn accelerations_of_a_plan_are_known_to_less_than_torques_can_tell() {
     let motion = planned(&l, 40.0, 27);
     let t = run(&l, &motion, 40.0);
     // 150 kg m^2 against 0.1 N m.
-    let stake = Stake { weights: vec![1500.0; l.model.nj()], rates: Vec::new(), free: 0.14, kinks: false };
+    let stake =
+        Stake { weights: vec![1500.0; l.model.nj()], rates: Vec::new(), free: 0.14, kinks: false, corners: Vec::new() };
     let exact = motion_at_stake(&sensed(&l, &t, None, false), &stake, false).unwrap();
     assert_within!(error(&exact, &motion), 1e-6, "{:e} at {}", error(&exact, &motion), exact.fit.spacing);
     let read = sensed(&l, &t, Some(3), false);

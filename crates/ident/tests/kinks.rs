@@ -1,7 +1,7 @@
 //! Motions whose acceleration jumps (trapezoidal speed) or bends (limited jerk), from positions with noise alone.
 
 use ff_dynamics::motion::JointMotion;
-use ident::motion::{JointSamples, SpectralFit, Stake, fit_at_stake};
+use ident::motion::{Corner, JointSamples, SpectralFit, Stake, fit_at_stake};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -64,8 +64,12 @@ fn read(of: impl Fn(usize, f64) -> f64, seed: u64) -> (Vec<f64>, Vec<f64>) {
 }
 
 fn fitted(times: &[f64], q: &[f64], kinks: bool) -> SpectralFit {
+    fitted_with(times, q, kinks, Vec::new())
+}
+
+fn fitted_with(times: &[f64], q: &[f64], kinks: bool, corners: Vec<Corner>) -> SpectralFit {
     let s = JointSamples { dof: JOINTS, times, q, qd: None, rate_weight: 0.0 };
-    let stake = Stake { weights: vec![170.0; JOINTS], rates: Vec::new(), free: 1e-3 * JOINTS as f64, kinks };
+    let stake = Stake { weights: vec![170.0; JOINTS], rates: Vec::new(), free: 1e-3 * JOINTS as f64, kinks, corners };
     fit_at_stake(&s, None, &stake).unwrap()
 }
 
@@ -125,4 +129,36 @@ fn bends_of_the_acceleration_are_found_and_what_is_smooth_has_none() {
     let (without, with) = (fitted(&times, &q, false), fitted(&times, &q, true));
     assert_eq!(with.fit.motion.kinks().count(), 0);
     assert_eq!((with.fit.spacing, with.fit.motion.spline()), (without.fit.spacing, without.fit.motion.spline()));
+}
+
+/// With encoders ten times worse bends hide in the noise; instants that torques tell bring them back, on the joints that they are of.
+#[test]
+#[ignore = "full tier: 8 s"]
+fn instants_that_torques_tell_are_taken_and_sized_by_positions() {
+    let truth = Pieces::moves(3, 5);
+    let (times, q) = read(|j, t| truth.derivative(j, t, 0), 9);
+    let mut rng = ChaCha8Rng::seed_from_u64(21);
+    let noisy: Vec<f64> =
+        q.iter().map(|q| q + 10.0 * SIGMA * Distribution::<f64>::sample(&StandardNormal, &mut rng)).collect();
+    // Torques tell instants to a part of an interval.
+    let mut corners: Vec<Corner> = truth
+        .jumps
+        .iter()
+        .flatten()
+        .map(|k| Corner { time: k.0 + 0.2 * DT * (rng.random::<f64>() - 0.5), order: 3 })
+        .collect();
+    corners.sort_by(|a, b| a.time.total_cmp(&b.time));
+    let (without, with) = (fitted(&times, &noisy, true), fitted_with(&times, &noisy, true, corners.clone()));
+    let (before, now) = (error(&without, &truth), error(&with, &truth));
+    let found: Vec<_> = with.fit.motion.kinks().collect();
+    eprintln!("{} kinks, acceleration {} and {} rad/s^2", found.len(), before.sqrt(), now.sqrt());
+    assert!(now < 0.25 * before, "{before:e} {now:e}");
+    let own = |k: &ident::motion::Kink| truth.jumps[k.joint].iter().any(|t| (t.0 - k.time).abs() < DT);
+    let strangers = found.iter().filter(|(k, _)| !own(k)).count();
+    assert!(strangers * 4 < found.len(), "{strangers} of {}", found.len());
+    // Corners of the torques that are none of the motion, such as those of friction, find no size.
+    let tones = |j: usize, t: f64| 0.4 * ((2.1 + 0.7 * j as f64) * t).sin();
+    let (times, q) = read(tones, 11);
+    let with = fitted_with(&times, &q, true, corners);
+    assert_eq!(with.fit.motion.kinks().count(), 0);
 }

@@ -1,6 +1,7 @@
 //! Joint motion of a record as a smooth function of time, with consistent rates and accelerations.
 
 use crate::estimate::setup::SetupError;
+use crate::motion::bent::Bent;
 use crate::motion::kink::{FittedMotion, Kink, untold};
 use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
 use crate::motion::last_fits::remembered;
@@ -61,8 +62,10 @@ pub(crate) fn motion_of(
     let untold = untold(&fit.fit.motion, &weights, fit.dt);
     let ends = LooseEnds::new(&times(record), spacing, from_rest, worth).with_untold(untold);
     let moved = moved(record, &fit);
+    let bent = Bent::of(&fit.fit.motion, &fit.noise, spacing, (record.samples(), fit.dt));
     let noise = MotionNoise {
         moved,
+        bent,
         spacing,
         positions: fit.noise,
         steps: fit.steps,
@@ -102,6 +105,8 @@ pub(crate) struct MotionNoise {
     from_rest: bool,
     /// What errors of the times of kinks add, where these are told.
     moved: Vec<Kink>,
+    /// What the spline bends of the motion.
+    bent: Option<Bent>,
     /// What it adds to the torques next to the ends.
     pub(crate) ends: LooseEnds,
 }
@@ -140,12 +145,24 @@ impl MotionNoise {
                     *q = self.reading_error(j, *q + shift[j], noise);
                 }
             }
+            let failed = |e: FitError| SetupError::JointMotion(e.to_string());
+            let bent = self.bent.as_ref().map(|b| b.draw(&mut rng)).transpose().map_err(failed)?;
+            if let Some(bent) = &bent {
+                let mut x = vec![0.0; n];
+                for (t, q) in times.iter().zip(q.chunks_exact_mut(n)) {
+                    bent.derivative(*t, 0, &mut x);
+                    q.iter_mut().zip(&x).for_each(|(q, x)| *q -= x);
+                }
+            }
             let samples = JointSamples { dof: n, times: &times, q: &q, qd: None, rate_weight: 0.0 };
             let fit = |kinks: &[Kink]| fit_with_kinks(&samples, self.spacing, kinks, self.from_rest);
             // Times that are not told beside the others stay.
             let fit = fit(&[&kinks[..], &self.moved].concat()).or_else(|_| fit(&kinks));
-            let fit = fit.map_err(|e| SetupError::JointMotion(e.to_string()))?;
-            Ok(Arc::new(fit.motion) as Arc<dyn JointMotion>)
+            let fit = fit.map_err(failed)?.motion;
+            Ok(match bent {
+                Some(bent) => Arc::new(Sum([fit, bent])) as Arc<dyn JointMotion>,
+                None => Arc::new(fit),
+            })
         };
         (0..count).map(one).collect()
     }
@@ -158,6 +175,35 @@ impl MotionNoise {
         }
         let besides = (sigma * sigma - step * step / 12.0).max(0.0).sqrt() * noise;
         ((q + besides) / step).round() * step - q
+    }
+}
+
+/// Two motions of as many joints, one on the other.
+struct Sum([FittedMotion; 2]);
+
+impl JointMotion for Sum {
+    fn dof(&self) -> usize {
+        self.0[0].dof()
+    }
+    fn duration(&self) -> f64 {
+        self.0[0].duration()
+    }
+    fn eval(&self, t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
+        let n = self.dof();
+        self.0[0].eval(t, q, qd, qdd);
+        let mut own = vec![0.0; 3 * n];
+        let (x, rest) = own.split_at_mut(n);
+        let (v, a) = rest.split_at_mut(n);
+        self.0[1].eval(t, x, v, a);
+        for (to, from) in [(q, x), (qd, v), (qdd, a)] {
+            to.iter_mut().zip(from.iter()).for_each(|(to, from)| *to += from);
+        }
+    }
+    fn breaks(&self) -> Vec<f64> {
+        let mut all: Vec<f64> = self.0.iter().flat_map(JointMotion::breaks).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        all
     }
 }
 
@@ -271,6 +317,7 @@ mod tests {
             motion: Arc::new(fit.motion),
             from_rest: false,
             moved: Vec::new(),
+            bent: None,
             ends: LooseEnds::default(),
         }
     }

@@ -149,6 +149,36 @@ impl FittedMotion {
         let basis = self.spline.knots().derivative_at(t, order);
         self.add(t, order, (basis.first, basis.as_slice()), out);
     }
+    /// Accelerations of all joints at these ascending times without what changes at the kinks: each is taken off as the power of time that it is from its
+    /// instant on, and all kinks that were missed are left. Instants x joints. Allocates.
+    pub(super) fn besides_kinks(&self, times: &[f64]) -> Vec<f64> {
+        let n = self.spline.dof();
+        let mut kinks: Vec<(Kink, f64)> = self.kinks().filter(|k| k.0.order >= 2).collect();
+        kinks.sort_by(|a, b| a.0.time.total_cmp(&b.0.time));
+        let mut begun = 0;
+        // Per joint `c + s t`.
+        let mut powers = vec![[0.0; 2]; n];
+        let mut out = vec![0.0; n * times.len()];
+        for (&t, a) in times.iter().zip(out.chunks_exact_mut(n)) {
+            self.derivative(t, 2, a);
+            while let Some((k, size)) = kinks.get(begun).filter(|k| k.0.time + 0.5 * self.ramp <= t) {
+                let of = &mut powers[k.joint];
+                if k.order == 2 {
+                    of[0] += size;
+                } else {
+                    (of[0], of[1]) = (of[0] - size * k.time, of[1] + size);
+                }
+                begun += 1;
+            }
+            a.iter_mut().zip(&powers).for_each(|(a, [c, s])| *a -= c + s * t);
+            // Kinks that a sample is next to.
+            for (k, size) in kinks[begun..].iter().take_while(|k| k.0.time - 0.5 * self.ramp < t) {
+                let u = t - k.time;
+                a[k.joint] -= if k.order == 2 { size * (u / self.ramp + 0.5) } else { size * u.max(0.0) };
+            }
+        }
+        out
+    }
     fn add(&self, t: f64, order: usize, basis: (usize, &[f64]), out: &mut [f64]) {
         let begin = self.kinks.partition_point(|k| k.0.from < t - self.longest);
         for (c, size) in self.kinks[begin..].iter().take_while(|k| k.0.from <= t).filter(|k| k.0.covers(t)) {

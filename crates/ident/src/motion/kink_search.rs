@@ -15,6 +15,7 @@ use crate::motion::kink::{Column, Kink};
 use crate::motion::segments::Pieces;
 use crate::motion::spline_basis::{Bent, SplineBasis};
 use crate::motion::spline_fit::{DEGREE, FitError, JointSamples, SIXTH, is_even, sixth_differences, spans};
+use crate::motion::torque_corners::Corner;
 use core::ops::Range;
 use nalgebra::DVector;
 use std::collections::HashMap;
@@ -23,6 +24,12 @@ use std::collections::HashMap;
 const SEEN: f64 = 50.0;
 /// Part of it that one which was found must keep beside the others.
 const KEPT: f64 = 0.5;
+/// Fall of chi-squared from which a kink is one where torques tell its instant.
+const SIZED: f64 = 6.0;
+/// Intervals between samples about such an instant in which another is the same.
+const TAKEN: f64 = 6.0;
+/// Instants that are one (s): shifted to a window and back.
+const SAME: f64 = 1e-9;
 /// Rounds of looking, and Gauss-Newton steps in each.
 const ROUNDS: usize = 40;
 const STEPS: usize = 3;
@@ -55,6 +62,8 @@ pub(super) struct Search<'a> {
     /// Per joint, the standard deviation of its positions, and the step in which they are read.
     pub(super) noise: &'a [f64],
     pub(super) steps: &'a [f64],
+    /// Instants that the torques tell.
+    pub(super) corners: &'a [Corner],
 }
 
 /// Positions, and rates where they were read, without kinks.
@@ -90,6 +99,25 @@ impl Search<'_> {
         }
         any.then_some(out)
     }
+    /// These, and on all joints that move the instants at which torques bend, in place of bends next to them. A jump of the torques is somewhere between two
+    /// readings; positions tell better when, and where torques jump often they are left to it. Allocates.
+    pub(super) fn at_corners(&self, pieces: &[Kink]) -> Vec<Kink> {
+        let s = self.samples;
+        let next = TAKEN * s.times[s.times.len() - 1] / (s.times.len() - 1) as f64;
+        let of = |order: usize| self.corners.iter().filter(move |c| c.order == order);
+        if of(2).count() > of(3).count() / 2 {
+            return pieces.to_vec();
+        }
+        let near = |time: f64| move |other: f64| (other - time).abs() < next;
+        let mut out: Vec<Kink> = Vec::with_capacity(pieces.len());
+        for joint in (0..s.dof).filter(|&j| self.noise[j] > 0.0) {
+            let own = || pieces.iter().filter(move |k| k.joint == joint);
+            let bends: Vec<&Corner> = of(3).filter(|c| !of(2).any(|other| near(c.time)(other.time))).collect();
+            out.extend(own().filter(|k| !bends.iter().any(|c| near(k.time)(c.time))));
+            out.extend(bends.iter().map(|c| Kink { joint, time: c.time, order: c.order }));
+        }
+        out
+    }
     /// Of joint `j`.
     fn positions(&self, j: usize) -> Vec<f64> {
         self.samples.q.iter().skip(j).step_by(self.samples.dof).copied().collect()
@@ -113,6 +141,7 @@ impl Search<'_> {
                 continue;
             }
             let mut window = Window::new(&part, spacing)?;
+            window.told = self.corners.iter().filter(|c| c.order == 3).map(|c| c.time - begin).collect();
             for j in (0..n).filter(|&j| self.noise[j] > 0.0 && known.iter().any(|k| k.joint == j)) {
                 let own =
                     known.iter().filter(|k| k.joint == j && (begin..=begin + times[times.len() - 1]).contains(&k.time));
@@ -158,6 +187,8 @@ struct Window<'a> {
     smooth: nalgebra::DMatrix<f64>,
     /// Squares of columns that the spline leaves, by order and phase.
     squares: HashMap<(usize, i64), f64>,
+    /// Instants of bends that torques tell (s).
+    told: Vec<f64>,
 }
 
 /// A kink that may be one.
@@ -172,7 +203,7 @@ impl<'a> Window<'a> {
         let basis = SplineBasis::new(s, spans, DEGREE, false)?;
         let smooth = basis.smooth(s);
         let spacing = s.times[s.times.len() - 1] / spans as f64;
-        Ok(Self { s, spacing, basis, smooth, squares: HashMap::new() })
+        Ok(Self { s, spacing, basis, smooth, squares: HashMap::new(), told: Vec::new() })
     }
     /// Those of joint `j`, beside those that are known.
     fn kinks(&mut self, j: usize, sigma: f64, step: f64, known: Vec<Kink>) -> Result<Vec<Kink>, FitError> {
@@ -269,34 +300,58 @@ impl<'a> Window<'a> {
             if kinks.is_empty() {
                 return Ok(());
             }
-            let worst = match self.bend(j, kinks) {
+            let mut out = match self.bend(j, kinks) {
                 Ok(bent) => {
                     let fall = |i: usize| bent.sizes[i].powi(2) / (bent.variances[i] * sigma * sigma);
-                    let least = (0..kinks.len()).min_by(|&a, &b| fall(a).total_cmp(&fall(b)));
-                    match least.filter(|&l| fall(l) < KEPT * SEEN) {
-                        Some(l) => l,
-                        None => return Ok(()),
+                    let least = |i: usize| if self.is_told(&kinks[i]) { SIZED } else { KEPT * SEEN };
+                    let over: Vec<f64> = (0..kinks.len()).map(|i| fall(i) / least(i)).collect();
+                    let mut weak: Vec<usize> = (0..kinks.len()).filter(|&i| over[i] < 1.0).collect();
+                    weak.sort_by(|&a, &b| over[a].total_cmp(&over[b]));
+                    // Those that are far from one another at once: one that goes leaves what it was to its neighbours.
+                    let mut out: Vec<usize> = Vec::new();
+                    for i in weak {
+                        let beside = |&o: &usize| (kinks[o].time - kinks[i].time).abs() < BESIDE * self.spacing;
+                        if !out.iter().any(beside) {
+                            out.push(i);
+                        }
                     }
+                    if out.is_empty() {
+                        return Ok(());
+                    }
+                    out
                 }
                 Err(FitError::Undetermined { time }) => {
                     let off = |i: &usize| (kinks[*i].time - time).abs();
-                    (0..kinks.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0)
+                    vec![(0..kinks.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0)]
                 }
                 Err(e) => return Err(e),
             };
-            kinks.remove(worst);
+            out.sort_unstable();
+            out.into_iter().rev().for_each(|i| {
+                kinks.remove(i);
+            });
         }
     }
     /// One Gauss-Newton step of the times; none where they are not told.
     fn refine(&self, j: usize, kinks: &mut [Kink]) {
         let end = self.s.times[self.s.times.len() - 1];
-        let both: Vec<Kink> = kinks.iter().copied().chain(kinks.iter().map(Kink::by_time)).collect();
+        let free: Vec<usize> = (0..kinks.len()).filter(|&k| !self.is_told(&kinks[k])).collect();
+        if free.is_empty() {
+            return;
+        }
+        let lower = free.iter().map(|&k| kinks[k].by_time());
+        let both: Vec<Kink> = kinks.iter().copied().chain(lower).collect();
         let Ok(bent) = self.bend(j, &both) else { return };
         let count = kinks.len();
-        let steps: DVector<f64> = DVector::from_fn(count, |i, _| -bent.sizes[count + i] / bent.sizes[i]);
-        for (k, step) in kinks.iter_mut().zip(steps.iter()).filter(|(_, step)| step.is_finite()) {
-            k.time = (k.time + step.clamp(-FAR * self.spacing, FAR * self.spacing)).clamp(0.0, end);
+        let steps: DVector<f64> = DVector::from_fn(free.len(), |i, _| -bent.sizes[count + i] / bent.sizes[free[i]]);
+        for (&k, step) in free.iter().zip(steps.iter()).filter(|(_, step)| step.is_finite()) {
+            let time = kinks[k].time + step.clamp(-FAR * self.spacing, FAR * self.spacing);
+            kinks[k].time = time.clamp(0.0, end);
         }
+    }
+    /// Whether it is a bend whose instant torques tell, which the positions then do not move.
+    fn is_told(&self, kink: &Kink) -> bool {
+        kink.order == 3 && self.told.iter().any(|t| (t - kink.time).abs() < SAME)
     }
 }
 

@@ -170,7 +170,7 @@ mod tests {
         let rate_weight = rates.unwrap_or(1.0);
         let s = JointSamples { dof: 1, times: &times, q: &q, qd: rates.map(|_| &qd[..]), rate_weight };
         let fit = fit_motion(&s, 0.16).unwrap();
-        let stake = Stake { weights: vec![1.0], rates: vec![1.0], free: 0.0, kinks: false };
+        let stake = Stake { weights: vec![1.0], rates: vec![1.0], free: 0.0, kinks: false, corners: Vec::new() };
         let c = Candidate::new(fit, &times, 0.0, &stake);
         let inner = &c.worth[400..2 * (N - 200)];
         let of = |k: usize| inner.iter().skip(k).step_by(2).map(|a| a * a).sum::<f64>() / (inner.len() / 2) as f64;

@@ -16,6 +16,7 @@ use crate::motion::knot_risk::{Candidate, JUDGED, best, biases, cost, quantum, v
 use crate::motion::spline_fit::{
     FitError, JointSamples, MotionFit, SAMPLES_PER_KNOT, fit_of_degree, fit_with_kinks, is_even, noise_of,
 };
+use crate::motion::torque_corners::Corner;
 use ff_records::ChannelGroup;
 use ff_records::time_base::{TimeBaseError, on_grid_across};
 use ff_spectral::Welch;
@@ -91,12 +92,14 @@ pub struct Stake {
     pub free: f64,
     /// Whether kinks of the motion are looked for ([`crate::motion::Kink`]).
     pub kinks: bool,
+    /// Instants of them that torques tell.
+    pub corners: Vec<Corner>,
 }
 
 impl Stake {
     /// Accelerations of `joints` joints count alike, rates nothing, and no noise is free.
     pub(crate) fn alike(joints: usize) -> Self {
-        Self { weights: vec![1.0; joints], rates: Vec::new(), free: 0.0, kinks: false }
+        Self { weights: vec![1.0; joints], rates: Vec::new(), free: 0.0, kinks: false, corners: Vec::new() }
     }
 }
 
@@ -153,7 +156,7 @@ pub fn fit_at_stake(
         // Jumps are noise to differences, of which half are between them.
         let usual = || above_steps(&usual_noise(samples, &estimated), &steps);
         let usual = noise.map_or_else(usual, <[f64]>::to_vec);
-        let search = Search { samples, noise: &usual, steps: &steps };
+        let search = Search { samples, noise: &usual, steps: &steps, corners: &stake.corners };
         // What fails on the way to kinks is no error: there are none then.
         kinked(&search, &plain, noise, stake).unwrap_or(None)
     } else {
@@ -198,12 +201,13 @@ fn kinked(
             // As they were, they have been looked at.
             pieces = search.ramps(&pieces).unwrap_or_default();
         }
-        if pieces.is_empty() {
+        if pieces.is_empty() && (ramps || stake.corners.is_empty()) {
             break;
         }
+        let known = search.at_corners(&pieces);
         for wider in WIDER {
             let spacing = wider * plain.spacing;
-            let kinks = search.kinks(spacing, &pieces)?;
+            let kinks = search.kinks(spacing, &known)?;
             let smooth = search.without(spacing, &kinks)?;
             let (q, qd) = (&smooth.q[..], smooth.qd.as_deref());
             let left = JointSamples { q, qd, ..*search.samples };

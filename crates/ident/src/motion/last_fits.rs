@@ -38,7 +38,8 @@ pub(super) fn remembered<E>(
     let digest = |salt: u64| {
         let mut hasher = DefaultHasher::new();
         let rates = record.qd().map_or(&[][..], |qd| qd.as_slice());
-        for numbers in [times, record.q().as_slice(), rates, &stake.weights, &stake.rates, &[stake.free]] {
+        let corners: Vec<f64> = stake.corners.iter().flat_map(|c| [c.time, c.order as f64]).collect();
+        for numbers in [times, record.q().as_slice(), rates, &stake.weights, &stake.rates, &[stake.free], &corners] {
             hasher.write_usize(numbers.len());
             numbers.iter().for_each(|x| hasher.write_u64(x.to_bits()));
         }

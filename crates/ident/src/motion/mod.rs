@@ -1,6 +1,7 @@
 //! Joint rates and accelerations that belong to measured positions.
 
 pub(crate) mod banded;
+mod bent;
 pub(crate) mod joint_motion;
 pub(crate) mod kink;
 pub(crate) mod kink_search;
@@ -14,6 +15,7 @@ pub(crate) mod spline_basis;
 pub(crate) mod spline_fit;
 pub(crate) mod stamped_motion;
 pub(crate) mod tables;
+pub(crate) mod torque_corners;
 pub(crate) mod torque_sensitivity;
 pub(crate) mod zero_phase;
 
@@ -24,4 +26,5 @@ pub use spline_fit::{
     DEGREE, FitError, JointSamples, MotionFit, choose_knots, fit_motion, fit_motion_from_rest, fit_with_kinks,
     noise_estimate, noise_of,
 };
+pub use torque_corners::Corner;
 pub use zero_phase::ZeroPhase;

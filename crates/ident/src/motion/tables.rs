@@ -4,6 +4,7 @@ use crate::estimate::setup::{Noise, SetupError};
 use crate::motion::joint_motion::{MotionNoise, motion_of};
 use crate::motion::knot_spectrum::Stake;
 use crate::motion::loose_ends::LooseEnds;
+use crate::motion::torque_corners::corners_of;
 use crate::motion::torque_sensitivity as knot_stake;
 use core::ops::Range;
 use ff_dynamics::motion::JointMotion;
@@ -73,7 +74,8 @@ impl Tables {
     ) -> Result<Self, SetupError> {
         let stake = || {
             let (n, reflected) = noise?;
-            Some(Stake { kinks, ..knot_stake::stake(model, record, [n.torque, n.gyro], reflected)? })
+            let corners = if kinks && record.has_torques() { corners_of(record, n.torque) } else { Vec::new() };
+            Some(Stake { kinks, corners, ..knot_stake::stake(model, record, [n.torque, n.gyro], reflected)? })
         };
         let (motion, noise) = motion_of(model, record, stake, from_rest)?;
         let sampling = Sampling { samples: record.samples(), sample_s: record.dt(), substeps };

@@ -65,5 +65,5 @@ pub(crate) fn stake(model: &Model, record: &Record, [torque, gyro]: [f64; 2], re
     }
     let over = |sums: &[f64], sigma: f64| sums.iter().map(|s| (s / POSES as f64).sqrt() / sigma).collect();
     let (weights, rates) = (over(&squares, torque), over(&of_rates, gyro));
-    Some(Stake { weights, rates, free: FREE * (n + nb.min(3)) as f64, kinks: false })
+    Some(Stake { weights, rates, free: FREE * (n + nb.min(3)) as f64, kinks: false, corners: Vec::new() })
 }
