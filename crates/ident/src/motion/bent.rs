@@ -68,9 +68,9 @@ impl Bent {
         }
         let n = noise.len();
         let times: Vec<f64> = (0..samples).map(|i| i as f64 * dt).collect();
-        let left = motion.besides_kinks(&times);
         let mut whole = vec![0.0; n * samples];
         times.iter().zip(whole.chunks_exact_mut(n)).for_each(|(t, a)| motion.derivative(*t, 2, a));
+        let left = motion.besides_kinks(&times, &whole);
         let of = |j: usize| {
             let [left, whole] = [&left, &whole].map(|a| a.iter().skip(j).step_by(n).copied().collect::<Vec<f64>>());
             let size = size(&whole, ABOUT * spacing / dt)?;

@@ -65,7 +65,7 @@ pub(crate) fn motion_of(
     let bent = Bent::of(&fit.fit.motion, &fit.noise, spacing, (record.samples(), fit.dt));
     let noise = MotionNoise {
         moved,
-        bent,
+        bent: bent.map(Arc::new),
         spacing,
         positions: fit.noise,
         steps: fit.steps,
@@ -106,7 +106,7 @@ pub(crate) struct MotionNoise {
     /// What errors of the times of kinks add, where these are told.
     moved: Vec<Kink>,
     /// What the spline bends of the motion.
-    bent: Option<Bent>,
+    bent: Option<Arc<Bent>>,
     /// What it adds to the torques next to the ends.
     pub(crate) ends: LooseEnds,
 }

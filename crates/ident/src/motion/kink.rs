@@ -149,18 +149,17 @@ impl FittedMotion {
         let basis = self.spline.knots().derivative_at(t, order);
         self.add(t, order, (basis.first, basis.as_slice()), out);
     }
-    /// Accelerations of all joints at these ascending times without what changes at the kinks: each is taken off as the power of time that it is from its
-    /// instant on, and all kinks that were missed are left. Instants x joints. Allocates.
-    pub(super) fn besides_kinks(&self, times: &[f64]) -> Vec<f64> {
+    /// Accelerations of all joints at these ascending times (instants x joints) without what changes at the kinks: each is taken off as the power of time that
+    /// it is from its instant on, and all kinks that were missed are left. Allocates.
+    pub(super) fn besides_kinks(&self, times: &[f64], accelerations: &[f64]) -> Vec<f64> {
         let n = self.spline.dof();
         let mut kinks: Vec<(Kink, f64)> = self.kinks().filter(|k| k.0.order >= 2).collect();
         kinks.sort_by(|a, b| a.0.time.total_cmp(&b.0.time));
         let mut begun = 0;
         // Per joint `c + s t`.
         let mut powers = vec![[0.0; 2]; n];
-        let mut out = vec![0.0; n * times.len()];
+        let mut out = accelerations.to_vec();
         for (&t, a) in times.iter().zip(out.chunks_exact_mut(n)) {
-            self.derivative(t, 2, a);
             while let Some((k, size)) = kinks.get(begun).filter(|k| k.0.time + 0.5 * self.ramp <= t) {
                 let of = &mut powers[k.joint];
                 if k.order == 2 {
