@@ -111,9 +111,16 @@ impl Search<'_> {
         let near = |time: f64| move |other: f64| (other - time).abs() < next;
         let mut out: Vec<Kink> = Vec::with_capacity(pieces.len());
         for joint in (0..s.dof).filter(|&j| self.noise[j] > 0.0) {
-            let own = || pieces.iter().filter(move |k| k.joint == joint);
+            let own: Vec<&Kink> = pieces.iter().filter(|k| k.joint == joint).collect();
             let bends: Vec<&Corner> = of(3).filter(|c| !of(2).any(|other| near(c.time)(other.time))).collect();
-            out.extend(own().filter(|k| !bends.iter().any(|c| near(k.time)(c.time))));
+            let off = |k: &Kink, c: &Corner| (k.time - c.time).abs();
+            // Of two kinks that are close torques tell one corner.
+            let nearest = |c: &Corner| own.iter().copied().min_by(|a, b| off(a, c).total_cmp(&off(b, c)));
+            let is_told = |k: &Kink| {
+                let c = bends.iter().min_by(|a, b| off(k, a).total_cmp(&off(k, b)));
+                c.is_some_and(|c| k.order == 3 && off(k, c) < next && nearest(c) == Some(k))
+            };
+            out.extend(own.iter().copied().filter(|k| !is_told(k)));
             out.extend(bends.iter().map(|c| Kink { joint, time: c.time, order: c.order }));
         }
         out

@@ -70,6 +70,10 @@ impl Kind {
         };
         along.iter().zip(components).map(|(d, s)| (d / s).powi(2)).sum::<f64>().sqrt().recip()
     }
+    /// Whether it can be of one sign only: no spring has a compliance below zero, and none is named.
+    pub(super) fn is_positive(&self) -> bool {
+        matches!(self.fault, Fault::Compliance(_))
+    }
     /// Puts an error of this size (rad, m, s, N m, ... or relative) into the readings or into the model.
     ///
     /// # Errors

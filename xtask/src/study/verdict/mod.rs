@@ -206,7 +206,7 @@ struct Setup {
 pub fn run(args: &Args) -> anyhow::Result<Study> {
     let options = &args.options;
     let mut study = Study::new("verdict", options.seed);
-    let trials = Trials::open("verdict", 3, options)?;
+    let trials = Trials::open("verdict", 4, options)?;
     let world = World::new("start.toml")?;
     let clean = RECORDS.iter().map(|name| world.clean(name)).collect::<anyhow::Result<Vec<_>>>()?;
     let mut setup = Setup { world, clean, quick: options.quick, references: Vec::new() };
@@ -377,7 +377,7 @@ impl Setup {
         let (mut readings, mut opened) = (self.clean[record].clone(), self.world.start.clone());
         let mut rng = t.rng();
         for &k in kinds {
-            let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
+            let sign = if rng.random::<bool>() || KINDS[k].is_positive() { 1.0 } else { -1.0 };
             let size = sign * self.reference(record, k)?.size_for(squared);
             KINDS[k].apply(size, &mut readings, &mut opened.model).with_context(|| KINDS[k].name)?;
         }

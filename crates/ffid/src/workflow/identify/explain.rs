@@ -37,6 +37,8 @@ pub(super) struct Tests {
     pub(super) excess: Option<f64>,
     /// What it would come to with the first of them estimated, where that was fitted ([`super::refit`]).
     pub(super) with_first: Option<State>,
+    /// Where that fit has ended, in the unknowns without it, if it has fallen farther than by its size: the first has ended in another valley.
+    pub(super) below: Option<Vec<f64>>,
     /// What was tried, and the mode that was found.
     pub(super) tried: Vec<Hypothesis>,
     pub(super) extra: Option<ExtraMode>,
@@ -147,6 +149,7 @@ fn found_by(end: &Ended<'_>, survey: Survey, ranking: &Ranking, extra: Option<Ex
         explained,
         excess,
         with_first,
+        below: None,
         tried,
         extra,
         named,

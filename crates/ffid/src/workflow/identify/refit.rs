@@ -5,7 +5,7 @@
 //! the first began.
 
 use super::assembly::{Assembled, Setup};
-use super::ends::{NOWHERE, WIDE, explains};
+use super::ends::{LOWER, NOWHERE, WIDE, explains};
 use super::error::IdentifyError;
 use super::evidence::{EXTRA_MODE, ErrorSize, NamedError, State};
 use super::explain::{self, CLOSE, Tests, in_words};
@@ -48,6 +48,8 @@ pub(super) const MOST_ANEW: usize = 60;
 pub(super) const UNEXPLAINED: f64 = 0.5;
 /// Part of what the first leaves beyond noise that one of them must leave at most.
 const EXPLAINS: f64 = 0.5;
+/// Fall of chi-squared over the square of an error in its deviations from which it is that of another valley.
+const ELSEWHERE: f64 = 2.0;
 
 /// A fit that its record contradicts, or that has not ended, and what it was made of.
 pub(super) struct Contradicted<'a, 't> {
@@ -134,6 +136,10 @@ impl Contradicted<'_, '_> {
         // Something that was not fitted, such as parameters that differ between records, may explain more.
         if leading.iter().any(|n| found.iter().all(|f| f.line.name != n.name) && worth(n) > worth(&best.line)) {
             return Ok(());
+        }
+        if best.mounted.is_none() && falls_by_more_than_its_size(&best.line) {
+            let ended = best.setup.unknowns.by_name(&best.estimate.values);
+            tests.below = Some(self.end.unknowns.at(&ended));
         }
         let (state, behind) = self.left(best)?;
         let mut named = vec![best.line.clone()];
@@ -359,6 +365,13 @@ impl Contradicted<'_, '_> {
     }
 }
 
+/// Whether the rest of the unknowns, which went elsewhere, and not the error itself has lowered chi-squared: at the end of a fit an error of `z` deviations
+/// lowers it by `z^2`.
+fn falls_by_more_than_its_size(line: &NamedError) -> bool {
+    let size: f64 = line.size.iter().map(|c| (c.value / c.std).powi(2)).sum();
+    line.drop > ELSEWHERE * size + 2.0 * LOWER
+}
+
 /// The estimate that differs most from that of the `first` fit, of what is selected there, and by how many of its deviations; `taken` is
 /// what another part of the robot has taken over of it.
 pub(super) fn moved(
@@ -399,4 +412,36 @@ pub(super) fn sizes(h: &Hypothesis, e: &Estimate, labels: &[String]) -> Option<V
         })
     };
     h.components.iter().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_that_is_none_has_not_lowered_chi_squared_by_itself() {
+        let error = |drop: f64, size: &[(f64, f64)]| NamedError {
+            name: "tank.d[1]".into(),
+            text: String::new(),
+            size: size
+                .iter()
+                .map(|&(value, std)| ErrorSize { name: "d".into(), unit: "N m s/rad".into(), value, std })
+                .collect(),
+            drop,
+            freedom: size.len(),
+            p: 0.0,
+            moves: "tank.k[1]".into(),
+            moves_by: 342.4,
+            beside: false,
+            alike: Vec::new(),
+            refitted: true,
+            mission: String::new(),
+        };
+        // Of a record whose fit had ended with a spring a third too soft.
+        assert!(falls_by_more_than_its_size(&error(135_414.0, &[(-0.0018, 0.01)])));
+        assert!(falls_by_more_than_its_size(&error(900.0, &[(0.07, 0.27), (-0.0016, 0.0104)])));
+        // Of one that is 30 deviations large, and of one that chance makes.
+        assert!(!falls_by_more_than_its_size(&error(931.0, &[(0.3, 0.01)])));
+        assert!(!falls_by_more_than_its_size(&error(14.0, &[(0.033, 0.01)])));
+    }
 }

@@ -8,7 +8,7 @@ use super::course::Course;
 use super::drives;
 use super::elsewhere::{Subject, elsewhere, follows};
 use super::encoder_noise::{allow_for_encoders, kinked, said};
-use super::ends::{FAR, WIDE, explains, from_the_start, gone_on, has_springs, within};
+use super::ends::{FAR, LOWER, WIDE, explains, from_the_start, gone_on, has_springs, within};
 use super::error::IdentifyError;
 use super::evidence::State;
 use super::explain::{self, Tests};
@@ -245,6 +245,10 @@ fn identify_from(
             floor: &floor,
         };
         watch.unless_ended(end.named_by_fits(tests))?;
+        let below = if begun.is_none() { tests.below.take() } else { None };
+        if let Some(e) = below.and_then(|start| lower_from(&start, &request, &fitted.estimate, &mut watched)) {
+            return identify_from(Some(&e), opened, records, given.0, given.1, result.provenance, watch);
+        }
         let estimates = !result.parameters.is_empty();
         let evidence =
             explain::evidence(Some(tests), (&fitted.estimate, &floor), &result.whiteness, estimates, settings);
@@ -257,6 +261,19 @@ fn identify_from(
     let selected = own.as_ref().unwrap_or(unknowns).touched.clone();
     let values = considered.map_or(values, |c| c.values);
     Ok(Identified { result, signals, values, selected, tried, draws: None, fitted: Some(fitted) })
+}
+
+/// The end of a fit that begins there, if it is lower than this one.
+fn lower_from(
+    start: &[f64],
+    request: &Request<'_>,
+    end: &Estimate,
+    estimator: &mut ObservedEstimator<'_>,
+) -> Option<Estimate> {
+    let centre = Some(request.centre.unwrap_or(request.start));
+    let e = attempt(&Request { start, centre, coarse: false, led: true, ..request.clone() }, estimator).ok()?;
+    let lower = e.is_solution() && e.objective < end.objective - LOWER && !estimator.stopped();
+    lower.then(|| gone_on(e, end, request))
 }
 
 /// A fit that was ended from outside, as one that has not ended: one linearisation of all data at the best point that it has come to.
