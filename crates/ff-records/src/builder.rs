@@ -450,6 +450,7 @@ impl RecordBuilder {
             currents: if self.currents.contains(&true) { self.currents } else { Vec::new() },
             fixed_base: self.fixed_base,
             grid: own_motion.then_some(grid.samples),
+            uncounted: Vec::new(),
             bases,
         })
     }

@@ -47,6 +47,8 @@ pub struct Record {
     pub(crate) bases: TimeBases,
     /// Samples of the grid, where they are not those of the joint motion.
     pub(crate) grid: Option<usize>,
+    /// Stretches of time (s, on the clock of the recorder) in which readings do not count.
+    pub(crate) uncounted: Vec<(f64, f64)>,
 }
 
 /// Values of a group at its times (s) brought to instants that are an interval (s) apart, so many of them.
@@ -138,6 +140,7 @@ impl Record {
             currents: self.currents.clone(),
             bases: TimeBases::default(),
             grid: None,
+            uncounted: self.uncounted.clone(),
             joint_names: self.joint_names.clone(),
             ..*self
         })
@@ -251,6 +254,17 @@ impl Record {
         assert!(self.is_uniform(), "all channels on one uniform clock");
         let part = |m: &DMatrix<f64>| m.rows(rows.start, rows.len()).into_owned();
         Self { t0: self.t0 + self.time(rows.start), ..self.mapped(part) }
+    }
+    /// The same record, of which readings of torques and base rates within these stretches of time (s since its first sample, both ends included) do not count
+    /// in a fit. They stay where they are. Allocates.
+    #[must_use]
+    pub fn with_uncounted(mut self, stretches: &[(f64, f64)]) -> Self {
+        self.uncounted.extend(stretches.iter().map(|(from, to)| (self.t0 + from, self.t0 + to)));
+        self
+    }
+    /// Whether a reading at this time (s since the first sample) counts ([`Record::with_uncounted`]).
+    pub fn counts(&self, t: f64) -> bool {
+        !self.uncounted.iter().any(|(from, to)| (*from..=*to).contains(&(self.t0 + t)))
     }
     /// The same record with other torques, N x n (N m or N).
     ///
@@ -380,6 +394,7 @@ impl Record {
             fixed_base: self.fixed_base,
             bases,
             grid: stamped.then_some(intervals as usize + 1),
+            uncounted: self.uncounted.clone(),
         })
     }
     fn too_few(&self, group: ChannelGroup, got: usize) -> Problems {
@@ -406,6 +421,7 @@ impl Record {
             fixed_base: self.fixed_base,
             bases: self.bases.clone(),
             grid: self.grid,
+            uncounted: self.uncounted.clone(),
         }
     }
     /// Checks that the joints are those of a model, in its order (bad-inputs row D37).

@@ -256,3 +256,18 @@ fn each_defect_of_times_has_its_code_and_names_its_place() {
     assert!(p.has("Data::Gap") && p.to_string().contains("limit 4 intervals"), "{p}");
     assert!(b.allow("Data::Gap").build().is_ok());
 }
+
+#[test]
+fn readings_that_do_not_count_stay_so_in_parts_of_a_record() {
+    let of = |n: usize, c: usize| DMatrix::from_fn(n, c, |i, k| (0.3 * i as f64 + 1.7 * k as f64).sin());
+    let built = RecordBuilder::new(["a"]).uniform(3.7, 50.0).q(of(200, 1)).tau(of(200, 1)).gyro(of(200, 3));
+    let record = built.build().unwrap().0.with_uncounted(&[(0.31, 0.37), (2.49, 2.51)]);
+    let counted = |r: &Record| (0..r.samples()).filter(|&i| !r.counts(r.time(i))).collect::<Vec<_>>();
+    assert_eq!(counted(&record), [16, 17, 18, 125]);
+    // By the clock of the recorder, wherever a part begins.
+    let part = record.window(0.33, 3.0).unwrap();
+    assert_eq!(counted(&part), [0, 1, 108]);
+    assert_eq!(counted(&record.rows(120..200)), [5]);
+    assert_eq!(counted(&record.clone().with_tau(of(200, 1))), counted(&record));
+    assert!(counted(&record.resampled().unwrap()) == counted(&record));
+}

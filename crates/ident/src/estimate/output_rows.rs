@@ -122,13 +122,15 @@ impl<'a> OutputRows<'a> {
         let grid = (record.samples(), record.dt());
         let mut loose = [Vec::new(), Vec::new()];
         for g in 0..2 {
-            let Some(ends) = ends.filter(|_| !options.all_alike) else { break };
             let (readings, own): (_, &Option<Arc<[f64]>>) = ([record.tau(), record.gyro()][g], &times[g]);
             let time = |i: usize| own.as_ref().map_or(i as f64 * grid.1, |t| t[i]);
             let (count, channels) = readings.shape();
-            loose[g] = (0..count).map(|i| (i, ends.weight(time(i)))).filter(|w| w.1 < 1.0).collect();
-            let untold = (0..count).filter(|&i| ends.is_untold(time(i)));
-            not_counted[g].extend(untold.flat_map(|i| (0..channels).map(move |c| (i, c))));
+            let ends = ends.filter(|_| !options.all_alike);
+            if let Some(ends) = ends {
+                loose[g] = (0..count).map(|i| (i, ends.weight(time(i)))).filter(|w| w.1 < 1.0).collect();
+            }
+            let out = (0..count).filter(|&i| !record.counts(time(i)) || ends.is_some_and(|e| e.is_untold(time(i))));
+            not_counted[g].extend(out.flat_map(|i| (0..channels).map(move |c| (i, c))));
             not_counted[g].sort_unstable();
             not_counted[g].dedup();
         }

@@ -8,6 +8,7 @@
 //!   suspects              errors that keep the fit from any answer; in_motion, missing_mode: a start or an appendage that the mission lacks
 //!   ends, lost            whether the end of a fit explains the record, and what it has lost on its way
 //!   elsewhere, valleys    other starts where the fit ended in a wrong valley, minima beside its end
+//!   places                readings beside kinks of the motion that alone contradict the end
 //!   orders                springs of an appendage in the wrong order, where tests contradict the end
 //!   bends                 valleys that are no parabola within the deviations
 //!   known                 reduction, structural and unexcited directions, profiles of the likelihood, whiteness
@@ -66,6 +67,7 @@ pub(crate) mod observed_estimator;
 pub(crate) mod options;
 mod orders;
 mod over_time;
+mod places;
 pub(crate) mod record_estimator;
 mod refit;
 pub(crate) mod report;

@@ -163,6 +163,10 @@ impl<'a> Twin<'a> {
     pub(super) fn kinks(&self) -> (usize, usize, usize) {
         self.of.as_ref().map_or((0, 0, 0), OutputError::kinks)
     }
+    /// When kinks of its motion are ([`OutputError::kink_times`]).
+    pub(super) fn kink_times(&self) -> Vec<f64> {
+        self.of.as_ref().map(OutputError::kink_times).unwrap_or_default()
+    }
     /// What draws of the encoders' noise do to the residuals at these parameters, a column each; none where nothing is predicted there, or no motion was
     /// fitted.
     pub(super) fn draws_of_motion(&self, draws: usize, full: &[f64]) -> Option<DMatrix<f64>> {

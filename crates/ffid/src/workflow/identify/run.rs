@@ -24,6 +24,7 @@ use super::noise_floor::NoiseFloor;
 use super::observed_estimator::{ObservedEstimator, Observer};
 use super::options::FitOptions;
 use super::orders;
+use super::places::Places;
 use super::refit::Contradicted;
 use super::report::Report;
 use super::result::fit::{Ended as EndOfFit, Method};
@@ -204,6 +205,15 @@ fn identify_from(
     }
     let contradicted = result.state() == State::Contradicted && ended_well && own.is_none() && goes_on();
     if contradicted && begun.is_none() && options.more_starts == 0 && fitted.reduced.is_none() {
+        if let Some(places) = Places::of(records, &signals, &twins) {
+            let rest = places.without(records);
+            let known = result.provenance.clone();
+            let mut again = identify_from(Some(&fitted.estimate), opened, &rest, given.0, given.1, known, watch)?;
+            if again.result.state() == State::Explained {
+                places.say(&mut again.result);
+                return Ok(again);
+            }
+        }
         let lower = orders::lower(&request, &fitted.estimate, &mut watched);
         if let Some(e) = lower.filter(|_| !watch.is_stopped()) {
             let e = gone_on(e, &fitted.estimate, &request);
