@@ -28,8 +28,6 @@ const KEPT: f64 = 0.5;
 const SIZED: f64 = 6.0;
 /// Intervals between samples about such an instant in which another is the same.
 const TAKEN: f64 = 6.0;
-/// Deviations of a torque that kinks at the wrong time make, beyond which torques tell better when they are.
-const BETTER_TOLD: f64 = 3.0;
 /// Instants that are one (s): shifted to a window and back.
 const SAME: f64 = 1e-9;
 /// Rounds of looking, and Gauss-Newton steps in each.
@@ -101,41 +99,6 @@ impl Search<'_> {
         }
         any.then_some(out)
     }
-    /// These, at the instants at which torques bend where that is one of them alone and its positions allow it. None where motions are not made of such pieces, or
-    /// torques tell instants better than noise of the positions lets these: by so much that a jump of the jerk at the wrong time makes an error of
-    /// the torques, in deviations of their sensors, most often (`weights`: what a unit acceleration of each joint makes). Allocates.
-    pub(super) fn at_instants(&self, pieces: &[Kink], weights: &[f64]) -> Vec<Kink> {
-        let s = self.samples;
-        let next = TAKEN * s.times[s.times.len() - 1] / (s.times.len() - 1) as f64;
-        let near = |time: f64| move |other: f64| (other - time).abs() < next;
-        let mut out = Vec::with_capacity(pieces.len());
-        let mut errors: Vec<f64> = Vec::new();
-        for own in pieces.chunk_by(|a, b| a.joint == b.joint) {
-            let j = own[0].joint;
-            let of = Pieces { times: s.times, q: &self.positions(j), sigma: self.noise[j] };
-            if !of.is_cubic() {
-                return Vec::new();
-            }
-            for (i, k) in own.iter().enumerate() {
-                let alone = pieces.iter().filter(|other| near(k.time)(other.time)).count() == 1;
-                let mut bends = self.corners.iter().filter(|c| near(k.time)(c.time));
-                let mut time = k.time;
-                if let (Some(c), None) = (bends.next(), bends.next())
-                    && alone
-                    && (k.order, c.order) == (3, 3)
-                {
-                    errors.push(weights[j] * of.size(own, i).abs() * (c.time - k.time).abs());
-                    if of.may_be_at(own, i, c.time) {
-                        time = c.time;
-                    }
-                }
-                out.push(Kink { time, ..*k });
-            }
-        }
-        errors.sort_by(f64::total_cmp);
-        let most = errors.get(errors.len() / 2).copied().unwrap_or(0.0);
-        if most > BETTER_TOLD { Vec::new() } else { out }
-    }
     /// These, and on all joints that move the instants at which torques bend, in place of bends next to them. A jump of the torques is somewhere between two
     /// readings; positions tell better when, and where torques jump often they are left to it. Allocates.
     pub(super) fn at_corners(&self, pieces: &[Kink]) -> Vec<Kink> {
@@ -148,16 +111,9 @@ impl Search<'_> {
         let near = |time: f64| move |other: f64| (other - time).abs() < next;
         let mut out: Vec<Kink> = Vec::with_capacity(pieces.len());
         for joint in (0..s.dof).filter(|&j| self.noise[j] > 0.0) {
-            let own: Vec<&Kink> = pieces.iter().filter(|k| k.joint == joint).collect();
+            let own = || pieces.iter().filter(move |k| k.joint == joint);
             let bends: Vec<&Corner> = of(3).filter(|c| !of(2).any(|other| near(c.time)(other.time))).collect();
-            let off = |k: &Kink, c: &Corner| (k.time - c.time).abs();
-            // Of two kinks that are close torques tell one corner.
-            let nearest = |c: &Corner| own.iter().copied().min_by(|a, b| off(a, c).total_cmp(&off(b, c)));
-            let is_told = |k: &Kink| {
-                let c = bends.iter().min_by(|a, b| off(k, a).total_cmp(&off(k, b)));
-                c.is_some_and(|c| k.order == 3 && off(k, c) < next && nearest(c) == Some(k))
-            };
-            out.extend(own.iter().copied().filter(|k| !is_told(k)));
+            out.extend(own().filter(|k| !bends.iter().any(|c| near(k.time)(c.time))));
             out.extend(bends.iter().map(|c| Kink { joint, time: c.time, order: c.order }));
         }
         out

@@ -195,56 +195,40 @@ fn kinked(
     stake: &Stake,
 ) -> Result<Option<(Chosen, Vec<Kink>)>, KnotError> {
     let mut best: Option<(Chosen, Vec<Kink>)> = None;
-    let enough = |best: &Option<(Chosen, Vec<Kink>)>| best.as_ref().is_some_and(|b| b.0.cost < ENOUGH * stake.free);
     let mut pieces = search.pieces(WIDER[0] * plain.spacing)?;
     for ramps in [false, true] {
         if ramps {
             // As they were, they have been looked at.
             pieces = search.ramps(&pieces).unwrap_or_default();
         }
-        // Where a motion is made of polynomials its positions tell all kinks, of each joint its own; else torques tell when, and not of which joint.
-        let own = search.at_instants(&pieces, &stake.weights);
-        let any = if own.is_empty() || !stake.corners.is_empty() { search.at_corners(&pieces) } else { Vec::new() };
-        for known in [own, any].iter().filter(|known| !known.is_empty()) {
-            if !enough(&best) {
-                look_at(known, search, plain, given, stake, &mut best)?;
+        if pieces.is_empty() && (ramps || stake.corners.is_empty()) {
+            break;
+        }
+        let known = search.at_corners(&pieces);
+        for wider in WIDER {
+            let spacing = wider * plain.spacing;
+            let kinks = search.kinks(spacing, &known)?;
+            let smooth = search.without(spacing, &kinks)?;
+            let (q, qd) = (&smooth.q[..], smooth.qd.as_deref());
+            let left = JointSamples { q, qd, ..*search.samples };
+            let level = match given {
+                Some(noise) => noise.to_vec(),
+                None => above_steps(&noise_of(&left)?, search.steps),
+            };
+            let next = chosen(&left, level, stake)?;
+            let least = best.as_ref().map_or(plain.cost, |b| b.0.cost);
+            if next.cost > plain.cost {
+                break;
+            }
+            if best.is_none() || next.cost < least {
+                best = Some((next, kinks));
             }
         }
-        if enough(&best) || pieces.is_empty() {
+        if best.as_ref().is_some_and(|b| b.0.cost < ENOUGH * stake.free) {
             break;
         }
     }
     Ok(best.filter(|b| b.0.cost < BETTER * plain.cost))
-}
-
-/// Puts in place of the best what is found beside these kinks, where it is better.
-fn look_at(
-    known: &[Kink],
-    search: &Search<'_>,
-    plain: &Chosen,
-    given: Option<&[f64]>,
-    stake: &Stake,
-    best: &mut Option<(Chosen, Vec<Kink>)>,
-) -> Result<(), KnotError> {
-    for wider in WIDER {
-        let spacing = wider * plain.spacing;
-        let kinks = search.kinks(spacing, known)?;
-        let smooth = search.without(spacing, &kinks)?;
-        let (q, qd) = (&smooth.q[..], smooth.qd.as_deref());
-        let left = JointSamples { q, qd, ..*search.samples };
-        let level = match given {
-            Some(noise) => noise.to_vec(),
-            None => above_steps(&noise_of(&left)?, search.steps),
-        };
-        let next = chosen(&left, level, stake)?;
-        if next.cost > plain.cost {
-            break;
-        }
-        if best.as_ref().is_none_or(|b| next.cost < b.0.cost) {
-            *best = Some((next, kinks));
-        }
-    }
-    Ok(())
 }
 
 /// Knots, and what they were chosen by.

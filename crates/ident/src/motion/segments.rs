@@ -15,10 +15,8 @@ use nalgebra::{DMatrix, DVector};
 
 /// Degree of the pieces: jerk that is constant in each.
 const DEGREE: usize = 3;
-/// Degree of which a motion is made of less than half as many pieces where it is not made of these.
-const HIGHER: usize = 5;
 /// Columns of a stretch at most: a polynomial, and kinks with their derivatives by time.
-const MOST: usize = HIGHER + 1 + 2 * INSIDE;
+const MOST: usize = DEGREE + 1 + 2 * INSIDE;
 /// Kinks within a stretch at most.
 const INSIDE: usize = 6;
 /// Deviations of a sum of squares from which a piece does not follow.
@@ -47,9 +45,6 @@ const POLISHED: usize = 16;
 const FAR: f64 = 1.0;
 const STILL: f64 = 1e-3;
 
-/// Rise of chi-squared up to which a kink may be at another time.
-const UNLIKELY: f64 = 9.0;
-
 fn in_order(kinks: &mut [Kink]) {
     kinks.sort_by(|a, b| a.time.total_cmp(&b.time));
 }
@@ -69,28 +64,20 @@ pub(super) struct Pieces<'a> {
 }
 
 impl Pieces<'_> {
-    /// The last samples of polynomials of this degree that follow one another, each as long as it follows; `None` where they are too many.
-    fn ends(&self, degree: usize) -> Option<Vec<usize>> {
-        let mut ends = Vec::new();
-        loop {
-            let to = self.longest(ends.last().copied().unwrap_or(0), degree);
-            if to >= self.times.len() {
-                return Some(ends);
-            }
-            ends.push(to);
-            if ends.len() >= MANY || (ends.len() + 1) * SHORT > self.times.len() + MANY {
-                return None;
-            }
-        }
-    }
-    /// Whether the motion is made of polynomials of degree 3, and not of higher ones.
-    pub(super) fn is_cubic(&self) -> bool {
-        let [own, higher] = [DEGREE, HIGHER].map(|degree| self.ends(degree).map(|ends| ends.len()));
-        own.is_some_and(|own| higher.is_none_or(|higher| 2 * higher >= own))
-    }
     /// The kinks between the pieces, as those of joint `j`. Allocates.
     pub(super) fn kinks(&self, j: usize) -> Vec<Kink> {
-        let Some(ends) = self.ends(DEGREE) else { return Vec::new() };
+        let mut ends = vec![0];
+        while let Some(&from) = ends.last() {
+            let to = self.longest(from);
+            if to >= self.times.len() {
+                break;
+            }
+            ends.push(to);
+            if ends.len() > MANY || ends.len() * SHORT > self.times.len() + MANY {
+                return Vec::new();
+            }
+        }
+        ends.remove(0);
         // Behind the end of a piece by what a polynomial follows of the next.
         let mut out: Vec<Kink> = Vec::new();
         for (i, &end) in ends.iter().enumerate() {
@@ -113,19 +100,6 @@ impl Pieces<'_> {
             self.sweep(j, kinks);
         }
         any
-    }
-    /// By how much the derivative jumps at the `i`th kink (`1/s^order`); zero where that is not told.
-    pub(super) fn size(&self, kinks: &[Kink], i: usize) -> f64 {
-        let Beside { range, near, .. } = self.beside(kinks, i);
-        let sizes = self.solve(range, &[&kinks[i..=i], &near[..]].concat());
-        sizes.map_or(0.0, |(_, sizes)| self.sigma * sizes[0])
-    }
-    /// The `i`th kink at another time, if its neighbours follow with that as well as with its own.
-    pub(super) fn may_be_at(&self, kinks: &[Kink], i: usize, time: f64) -> bool {
-        let Beside { range, near, .. } = self.beside(kinks, i);
-        let left = |kink: Kink| self.polished(&range, &mut [&[kink], &near[..]].concat(), 1);
-        let (own, other) = (left(kinks[i]), left(Kink { time, ..kinks[i] }));
-        own.zip(other).is_some_and(|(own, other)| other < own + UNLIKELY)
     }
     /// Places every kink anew beside its neighbours.
     fn sweep(&self, j: usize, kinks: &mut [Kink]) {
@@ -254,17 +228,15 @@ impl Pieces<'_> {
         let between = first(before(1)).max(range.start + 1)..last(after(1)).min(range.end.saturating_sub(1));
         Beside { range, near, between }
     }
-    /// One behind the last sample that a polynomial of this degree follows from sample `from` on.
-    fn longest(&self, from: usize, degree: usize) -> usize {
+    /// One behind the last sample that a polynomial follows from sample `from` on.
+    fn longest(&self, from: usize) -> usize {
         let m = self.times.len();
         let follows = |to: usize| {
             let n = (to - from) as f64;
-            let free = (n - degree as f64 - 1.0).max(1.0);
-            self.coefficients(&(from..to), &[], degree)
-                .is_some_and(|(left, _)| left < free + LEAVES * (2.0 * free).sqrt())
+            let free = (n - DEGREE as f64 - 1.0).max(1.0);
+            self.left(from..to, &[]).is_some_and(|left| left < free + LEAVES * (2.0 * free).sqrt())
         };
-        let shortest = SHORTEST + degree - DEGREE;
-        let (mut good, mut step) = ((from + shortest).min(m), shortest);
+        let (mut good, mut step) = ((from + SHORTEST).min(m), SHORTEST);
         let mut bad = loop {
             let next = (good + step).min(m);
             if !follows(next) {
@@ -311,23 +283,23 @@ impl Pieces<'_> {
         self.solve(range, kinks).map(|s| s.0)
     }
     /// Polynomial and kinks at a sample of a stretch.
-    fn row(&self, range: &Range<usize>, kinks: &[Kink], degree: usize, t: f64, row: &mut [f64; MOST]) {
+    fn row(&self, range: &Range<usize>, kinks: &[Kink], t: f64, row: &mut [f64; MOST]) {
         let (first, last) = (self.times[range.start], self.times[range.end - 1]);
         let (middle, half) = (0.5 * (first + last), 0.5 * (last - first));
         let x = (t - middle) / half;
         (row[0], row[1]) = (1.0, x);
-        for k in 2..=degree {
+        for k in 2..=DEGREE {
             // Legendre's recurrence.
             let a = k as f64;
             row[k] = ((2.0 * a - 1.0) * x * row[k - 1] - (a - 1.0) * row[k - 2]) / a;
         }
-        for (row, kink) in row[degree + 1..].iter_mut().zip(kinks) {
+        for (row, kink) in row[DEGREE + 1..].iter_mut().zip(kinks) {
             *row = ((t - kink.time) / half).max(0.0).powi(kink.order as i32);
         }
     }
     /// The same, and the sizes of the kinks, in deviations over `s^order`.
     fn solve(&self, range: Range<usize>, kinks: &[Kink]) -> Option<(f64, Vec<f64>)> {
-        let (left, x) = self.coefficients(&range, kinks, DEGREE)?;
+        let (left, x) = self.coefficients(&range, kinks)?;
         let half = 0.5 * (self.times[range.end - 1] - self.times[range.start]);
         // Of (t - T)_+^m over its factorial.
         let size =
@@ -336,25 +308,25 @@ impl Pieces<'_> {
     }
     /// What is left of every sample of a stretch, in deviations.
     fn residuals(&self, range: &Range<usize>, kinks: &[Kink]) -> Option<Vec<f64>> {
-        let x = self.coefficients(range, kinks, DEGREE)?.1;
+        let x = self.coefficients(range, kinks)?.1;
         let origin = self.q[range.start];
         let mut row = [0.0; MOST];
         let of = |i: usize| {
-            self.row(range, kinks, DEGREE, self.times[i], &mut row);
+            self.row(range, kinks, self.times[i], &mut row);
             (self.q[i] - origin) / self.sigma - x.iter().zip(&row).map(|(x, r)| x * r).sum::<f64>()
         };
         Some(range.clone().map(of).collect())
     }
-    fn coefficients(&self, range: &Range<usize>, kinks: &[Kink], degree: usize) -> Option<(f64, DVector<f64>)> {
+    fn coefficients(&self, range: &Range<usize>, kinks: &[Kink]) -> Option<(f64, DVector<f64>)> {
         let (times, q) = (self.times.get(range.clone())?, self.q.get(range.clone())?);
         let origin = q.first()?;
-        let columns = degree + 1 + kinks.len();
+        let columns = DEGREE + 1 + kinks.len();
         let mut normal = DMatrix::<f64>::zeros(columns, columns);
         let mut read = DVector::<f64>::zeros(columns);
         let mut squares = 0.0;
         let mut row = [0.0; MOST];
         for (t, q) in times.iter().zip(q) {
-            self.row(range, kinks, degree, *t, &mut row);
+            self.row(range, kinks, *t, &mut row);
             let y = (q - origin) / self.sigma;
             squares += y * y;
             for a in 0..columns {

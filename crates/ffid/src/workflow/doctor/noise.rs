@@ -13,7 +13,7 @@ use crate::workflow::preflight::Sensing;
 use ff_mission::mission::Sensors;
 use ff_model::diagnostics::Limit;
 use ff_model::{Area, JointKind, Problem};
-use nalgebra::{DMatrix, DVectorView};
+use nalgebra::DMatrix;
 
 /// Ratio of measured to stated noise that is suspicious, and its inverse.
 const OFF: f64 = 3.0;
@@ -162,15 +162,13 @@ fn differing(s: &Sensor<'_>, expected: f64) -> Vec<(usize, Differs, f64)> {
         let x = s.data.column(k);
         let of = if s.jumps { typical } else { by_differences };
         let [three, four, six] = [3, 4, 6].map(|o| of(x.as_view(), o) / s.scales[k]);
-        // What few differences make is no noise: torques jump with a trapezoidal speed.
-        let usual = typical(x.as_view(), 6) / s.scales[k];
         let step = s.steps[k] / s.scales[k];
         let of_step = step / 12f64.sqrt();
         // Steps of a channel at rest hide its noise.
         let hidden = s.quantum.max(step) > 2.0 * s.noise;
         if of_step > COARSE * expected {
             Some((k, Differs::Coarser, of_step))
-        } else if six > OFF * expected && four < LEAKS * six && usual > OFF * expected {
+        } else if six > OFF * expected && four < LEAKS * six {
             Some((k, Differs::More, six))
         } else if !hidden && three < expected / OFF {
             Some((k, Differs::Less, three))
@@ -187,9 +185,8 @@ fn of_sensor(case: &Case<'_>, s: &Sensor<'_>) -> Vec<Finding> {
     let unit = s.units.first().copied().unwrap_or("");
     let found = differing(s, expected);
     if found.is_empty() {
-        let of =
-            |x: DVectorView<'_, f64>| if s.jumps { typical(x, 6) } else { by_differences(x, 6).min(typical(x, 6)) };
-        let all = (0..s.names.len()).map(|k| of(s.data.column(k).as_view()) / s.scales[k]);
+        let of = if s.jumps { typical } else { by_differences };
+        let all = (0..s.names.len()).map(|k| of(s.data.column(k).as_view(), 6) / s.scales[k]);
         let (low, high) = all.fold((f64::INFINITY, 0.0f64), |(a, b), x| (a.min(x), b.max(x)));
         let text = if expected > 0.0 {
             format!("{kind}: noise {low:.2e} to {high:.2e} {unit}, {} has {expected:.2e}", s.source())
@@ -270,36 +267,4 @@ fn raised(
         .violating(figure, limit, unit.to_owned())
         .hint(hint);
     case.finding(Topic::Noise, Judgement::Suspicious, text).on(on).figures(figure, expected, unit).raising(p)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::workflow::differences::tests::noisy;
-
-    /// A torque with noise of 0.05 N m times `louder`, stated as 0.05, that jumps by 8 N m every 1.7 s.
-    fn found(louder: f64) -> Vec<Differs> {
-        let signal = |t: f64| 3.0 * (0.9 * t).sin() + 8.0 * f64::from((t / 1.7) as u32 % 2);
-        let column = noisy(0.05 * louder, signal);
-        let data = DMatrix::from_column_slice(column.len(), 1, column.as_slice());
-        let sensor = Sensor {
-            data: &data,
-            names: vec!["tau.a".into()],
-            units: vec!["N m"],
-            key: "[sensors.torque] noise_std_nm",
-            noise: 0.05,
-            quantum: 0.0,
-            quantum_key: "[sensors.torque] lsb_nm",
-            scales: vec![1.0],
-            steps: &[0.0],
-            jumps: false,
-        };
-        differing(&sensor, 0.05).into_iter().map(|f| f.1).collect()
-    }
-
-    #[test]
-    fn jumps_of_a_trapezoidal_speed_are_no_noise() {
-        assert!(found(1.0).is_empty());
-        assert!(found(4.0) == [Differs::More]);
-    }
 }

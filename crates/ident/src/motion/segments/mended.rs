@@ -193,27 +193,6 @@ mod tests {
     }
 
     #[test]
-    fn motions_of_a_higher_degree_are_not_cubic() {
-        let times: Vec<f64> = (0..900).map(|i| 0.02 * f64::from(i)).collect();
-        let of = |q: &dyn Fn(f64) -> f64| {
-            let mut rng = ChaCha8Rng::seed_from_u64(2);
-            let noisy = |t: &f64| q(*t) + SIGMA * Distribution::<f64>::sample(&StandardNormal, &mut rng);
-            let q: Vec<f64> = times.iter().map(noisy).collect();
-            Pieces { times: &times, q: &q, sigma: SIGMA }.is_cubic()
-        };
-        // From rest to rest in 4.3 s, again and again: without a jump of the acceleration, and with four jumps of the jerk.
-        let moves = |t: f64, shape: &dyn Fn(f64) -> f64| {
-            let (n, u) = ((t / 4.3).floor(), (t / 4.3).fract());
-            0.7 * (n + shape(u))
-        };
-        assert!(!of(&|t| moves(t, &|u| u.powi(3) * (10.0 - 15.0 * u + 6.0 * u * u))));
-        let jerk = [(0.0, 32.0), (0.25, -64.0), (0.75, 64.0), (1.0, -32.0)];
-        let limited = |u: f64| jerk.iter().map(|(at, j): &(f64, f64)| j * (u - at).max(0.0).powi(3) / 6.0).sum::<f64>();
-        assert!((limited(1.0) - 1.0).abs() < 1e-12);
-        assert!(of(&|t| moves(t, &limited)));
-    }
-
-    #[test]
     fn bends_are_found_where_pieces_are_short() {
         let truth =
             [(2.3865, 3, -0.575), (2.5814, 3, -0.575), (4.1147, 3, 0.575), (4.9781, 3, 0.8585), (5.3124, 3, 0.8585)];
