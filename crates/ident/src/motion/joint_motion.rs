@@ -10,7 +10,6 @@ use crate::motion::spline_fit::{
     FitError, JointSamples, SAMPLES_PER_KNOT, choose_knots, fit_with_kinks, movable, noise_of,
 };
 use crate::motion::stamped_motion::StampedHermite;
-use crate::motion::torque_corners::Corner;
 use ff_dynamics::motion::{HermiteTable, JointMotion};
 use ff_model::Model;
 use ff_records::Record;
@@ -54,14 +53,13 @@ pub(crate) fn motion_of(
     if let Some(short) = short(record)? {
         return Ok((short, None));
     }
-    let (fit, stake) = match stake() {
-        Some(stake) => (motion_at_stake(record, &stake, from_rest)?, stake),
-        None => (spectral_motion(record)?, Stake::default()),
+    let (fit, weights) = match stake() {
+        Some(stake) => (motion_at_stake(record, &stake, from_rest)?, stake.weights),
+        None => (spectral_motion(record)?, Vec::new()),
     };
-    let weights = stake.weights;
     let (spacing, from_rest) = (fit.fit.spacing, fit.fit.from_rest);
     let worth = weights.iter().zip(&fit.noise).map(|(w, s)| (w * s).powi(2)).sum();
-    let untold = untold(&fit.fit.motion, &weights, &jumps(record, &stake.corners), fit.dt);
+    let untold = untold(&fit.fit.motion, &weights, fit.dt);
     let ends = LooseEnds::new(&times(record), spacing, from_rest, worth).with_untold(untold);
     let moved = moved(record, &fit);
     let bent = Bent::of(&fit.fit.motion, &fit.noise, spacing, (record.samples(), fit.dt));
@@ -76,18 +74,6 @@ pub(crate) fn motion_of(
         ends,
     };
     Ok((Box::new(fit.fit.motion), Some(noise)))
-}
-
-/// Instants (s) at which torques jump, those among them at which single readings were left out: a torque that jumps there and back looks like a spike.
-fn jumps(record: &Record, corners: &[Corner]) -> Vec<f64> {
-    let mut out: Vec<f64> = corners.iter().filter(|c| c.order == 2).map(|c| c.time).collect();
-    let times = record.times(ChannelGroup::Torque).unwrap_or_default();
-    if let [first, .., last] = times {
-        let usual = (last - first) / (times.len() - 1) as f64;
-        let lacks_one = |t: &&[f64]| (1.5..2.5).contains(&((t[1] - t[0]) / usual));
-        out.extend(times.windows(2).filter(lacks_one).map(|t| 0.5 * (t[0] + t[1])));
-    }
-    out
 }
 
 /// See [`movable`]; none without kinks.

@@ -226,14 +226,9 @@ const ABOUT: f64 = 0.75;
 /// Intervals within which kinks of a joint are not told apart: two jumps look like the ramp between them.
 const CLOSE: f64 = 10.0;
 
-/// Intervals between samples within which a jump of the torques is that of a kink.
-const SAME: f64 = 1.5;
-
 /// Stretches of time (s) near kinks where the acceleration is not told: about a jump, and from one kink to another of the same joint that is
-/// close by; and from a kink that torques do not show to where they jump without one, since positions that are noisier than it takes show one jump in place of two.
-/// `weights` are the torques that a unit acceleration of each joint takes, in deviations of their sensors; `jumps` are when these jump, and `dt` is the
-/// time between samples (s). Allocates.
-pub(super) fn untold(motion: &FittedMotion, weights: &[f64], jumps: &[f64], dt: f64) -> Vec<(f64, f64)> {
+/// close by. `weights` are the torques that a unit acceleration of each joint takes, in deviations of their sensors; `dt` is the time between samples (s). Allocates.
+pub(super) fn untold(motion: &FittedMotion, weights: &[f64], dt: f64) -> Vec<(f64, f64)> {
     let mut out = Vec::new();
     for (j, weight) in weights.iter().enumerate() {
         let mut own: Vec<(Kink, f64)> = motion.kinks().filter(|k| k.0.joint == j).collect();
@@ -245,18 +240,6 @@ pub(super) fn untold(motion: &FittedMotion, weights: &[f64], jumps: &[f64], dt: 
             if weight * group.iter().map(of).fold(0.0, f64::max) > MATTERS {
                 out.push((first - ABOUT * dt, last + ABOUT * dt));
             }
-        }
-    }
-    let matters = |(k, size): &(Kink, f64)| {
-        k.order == 2 && weights.get(k.joint).is_some_and(|weight| weight * size.abs() > MATTERS)
-    };
-    let kinks: Vec<f64> = motion.kinks().filter(matters).map(|k| k.0.time).collect();
-    let alone = |of: &[f64], t: f64| of.iter().all(|other| (other - t).abs() > SAME * dt);
-    for &jump in jumps.iter().filter(|&&t| alone(&kinks, t)) {
-        let unseen = kinks.iter().filter(|&&t| alone(jumps, t));
-        let near = unseen.min_by(|a, b| (*a - jump).abs().total_cmp(&(*b - jump).abs()));
-        if let Some(&kink) = near.filter(|t| (*t - jump).abs() < CLOSE * dt) {
-            out.push((kink.min(jump) - ABOUT * dt, kink.max(jump) + ABOUT * dt));
         }
     }
     out
@@ -325,20 +308,5 @@ mod tests {
         assert_relative_eq!(acceleration(1.4471) - acceleration(1.4269), 0.83, epsilon = scaled(0.02));
         assert_relative_eq!(acceleration(1.437 + 1e-9) - acceleration(1.437 - 1e-9), 0.0, epsilon = 1e-6);
         assert!(m.breaks().contains(&1.437));
-    }
-
-    #[test]
-    fn a_jump_of_the_torques_beside_a_kink_that_they_do_not_show_is_not_told() {
-        let knots = Knots::uniform(7, 60, 5.3).unwrap();
-        let at = |time: f64| Kink { joint: 0, time, order: 2 };
-        let kinks = [(at(1.437), 0.21), (at(3.181), -0.34)].map(|(k, size)| (Column::new(&knots, k), size)).to_vec();
-        let m = FittedMotion::new(knots, DMatrix::zeros(1, 60), kinks, 0.02).unwrap();
-        let of = |jumps: &[f64]| untold(&m, &[70.0], jumps, 0.02);
-        let about = |t: f64, from: f64, to: f64| (t - from * 0.02, t + to * 0.02);
-        let own = vec![about(1.437, ABOUT, ABOUT), about(3.181, ABOUT, ABOUT)];
-        // Both seen, one a little late; one that is nowhere near a kink is none of the motion.
-        assert_eq!(of(&[1.44, 2.31, 3.21]), own);
-        let misplaced = (3.11 - ABOUT * 0.02, 3.181 + ABOUT * 0.02);
-        assert_eq!(of(&[1.44, 3.11]), [own, vec![misplaced]].concat());
     }
 }

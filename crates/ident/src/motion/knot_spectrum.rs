@@ -81,7 +81,7 @@ impl SpectralFit {
 }
 
 /// What acceleration and rate of every joint weigh, and what noise may cost nothing.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Stake {
     /// Per joint, what an error of 1 rad/s^2 (or m/s^2) is worth, such as the torque it makes over the noise of the torque sensors.
     pub weights: Vec<f64>,

@@ -7,18 +7,14 @@
 //! q(t) = p(t) + c (t - T)_+^m,   m = 2: a jump of the acceleration, 3: of the jerk
 //! ```
 
-mod mended;
-
 use crate::motion::kink::Kink;
 use core::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
 /// Degree of the pieces: jerk that is constant in each.
 const DEGREE: usize = 3;
-/// Columns of a stretch at most: a polynomial, and kinks with their derivatives by time.
-const MOST: usize = DEGREE + 1 + 2 * INSIDE;
-/// Kinks within a stretch at most.
-const INSIDE: usize = 6;
+/// Columns of a stretch at most: a polynomial, two kinks, their derivatives by time, and the kinks beside them.
+const MOST: usize = DEGREE + 7;
 /// Deviations of a sum of squares from which a piece does not follow.
 const LEAVES: f64 = 4.0;
 /// Samples of the shortest piece.
@@ -40,10 +36,9 @@ const SPLIT: f64 = 30.0;
 /// Parts of the time between two neighbours by which both are moved inwards where other orders are tried, and by how much chi-squared must differ.
 const INWARDS: [f64; 4] = [0.0, 0.2, 0.35, -0.2];
 const DIFFERS: f64 = 0.5;
-/// Gauss-Newton steps at most, the longest of them in samples, and the part of that at which they have ended.
-const POLISHED: usize = 16;
+/// Gauss-Newton steps, and the longest of them in samples.
+const POLISHED: usize = 5;
 const FAR: f64 = 1.0;
-const STILL: f64 = 1e-3;
 
 fn in_order(kinks: &mut [Kink]) {
     kinks.sort_by(|a, b| a.time.total_cmp(&b.time));
@@ -89,7 +84,6 @@ impl Pieces<'_> {
         }
         self.sweep(j, &mut out);
         self.reorder(&mut out);
-        self.mend(&mut out);
         out
     }
     /// Puts two kinks with a ramp between them in place of jumps that are one; whether any is. Allocates.
@@ -149,7 +143,10 @@ impl Pieces<'_> {
             if self.at(&pair[1]).saturating_sub(self.at(&pair[0])) > 2 * RAMP {
                 continue;
             }
-            let (range, near) = self.about_both(kinks, i);
+            let (first, last) = (self.beside(kinks, i - 1), self.beside(kinks, i));
+            let range = first.range.start..last.range.end;
+            let near = [i.checked_sub(2), (i + 1 < kinks.len()).then_some(i + 1)];
+            let near: Vec<Kink> = near.into_iter().flatten().map(|k| kinks[k]).collect();
             let mut best: Option<(f64, [Kink; 2])> = None;
             for orders in [[pair[0].order, pair[1].order], [2, 2], [3, 3], [2, 3], [3, 2]] {
                 for inwards in INWARDS {
@@ -171,51 +168,27 @@ impl Pieces<'_> {
         }
         in_order(kinks);
     }
-    /// What surrounds a kink and the one before it, and the neighbours of both.
-    fn about_both(&self, kinks: &[Kink], i: usize) -> (Range<usize>, Vec<Kink>) {
-        let range = self.beside(kinks, i - 1).range.start..self.beside(kinks, i).range.end;
-        let near = [i.checked_sub(2), Some(i + 1).filter(|k| *k < kinks.len())].into_iter().flatten().map(|k| kinks[k]);
-        let near = near.filter(|k| self.tells(&range, k)).collect();
-        (range, near)
-    }
     /// What these kinks leave of a stretch, with the times of those behind the first `fixed` where that is least (Gauss-Newton steps).
     fn polished(&self, range: &Range<usize>, kinks: &mut [Kink], fixed: usize) -> Option<f64> {
         let stretch = self.times.get(range.clone())?;
         let (from, to) = (*stretch.first()?, *stretch.last()?);
         let far = FAR * (to - from) / range.len() as f64;
-        let mut best = (self.left(range.clone(), kinks)?, kinks.to_vec());
         for _ in 0..POLISHED {
             let both: Vec<Kink> = kinks.iter().copied().chain(kinks[fixed..].iter().map(Kink::by_time)).collect();
-            let Some((_, sizes)) = self.solve(range.clone(), &both) else { break };
+            let sizes = self.solve(range.clone(), &both)?.1;
             let count = kinks.len();
-            let mut most = 0.0f64;
             for (i, k) in kinks[fixed..].iter_mut().enumerate() {
                 let step = -sizes[count + i] / sizes[fixed + i];
                 if step.is_finite() {
-                    let step = step.clamp(-far, far);
-                    k.time = (k.time + step).clamp(from, to);
-                    most = most.max(step.abs());
+                    k.time = (k.time + step.clamp(-far, far)).clamp(from, to);
                 }
             }
-            let Some(left) = self.left(range.clone(), kinks) else { break };
-            if left < best.0 {
-                best.0 = left;
-                best.1.copy_from_slice(kinks);
-            }
-            if most < STILL * far {
-                break;
-            }
         }
-        kinks.copy_from_slice(&best.1);
-        Some(best.0)
+        self.left(range.clone(), kinks)
     }
     /// The first sample behind a kink.
     fn at(&self, kink: &Kink) -> usize {
         self.times.partition_point(|t| *t <= kink.time)
-    }
-    /// Whether a stretch has samples on both sides of a kink.
-    fn tells(&self, range: &Range<usize>, k: &Kink) -> bool {
-        range.start + 1 < self.at(k) && self.at(k) + 1 < range.end
     }
     fn beside(&self, kinks: &[Kink], i: usize) -> Beside {
         let end = self.at(&kinks[i]);
@@ -223,8 +196,7 @@ impl Pieces<'_> {
         let first = |k: Option<usize>| k.map_or(0, |k| self.at(&kinks[k]));
         let last = |k: Option<usize>| k.map_or(self.times.len(), |k| self.at(&kinks[k]));
         let range = first(before(2)).max(end.saturating_sub(2 * ASIDE))..last(after(2)).min(end + 2 * ASIDE);
-        let near = [before(1), after(1)].into_iter().flatten().map(|k| kinks[k]);
-        let near = near.filter(|k| self.tells(&range, k)).collect();
+        let near = [before(1), after(1)].into_iter().flatten().map(|k| kinks[k]).collect();
         let between = first(before(1)).max(range.start + 1)..last(after(1)).min(range.end.saturating_sub(1));
         Beside { range, near, between }
     }
@@ -282,60 +254,41 @@ impl Pieces<'_> {
     fn left(&self, range: Range<usize>, kinks: &[Kink]) -> Option<f64> {
         self.solve(range, kinks).map(|s| s.0)
     }
-    /// Polynomial and kinks at a sample of a stretch.
-    fn row(&self, range: &Range<usize>, kinks: &[Kink], t: f64, row: &mut [f64; MOST]) {
-        let (first, last) = (self.times[range.start], self.times[range.end - 1]);
-        let (middle, half) = (0.5 * (first + last), 0.5 * (last - first));
-        let x = (t - middle) / half;
-        (row[0], row[1]) = (1.0, x);
-        for k in 2..=DEGREE {
-            // Legendre's recurrence.
-            let a = k as f64;
-            row[k] = ((2.0 * a - 1.0) * x * row[k - 1] - (a - 1.0) * row[k - 2]) / a;
-        }
-        for (row, kink) in row[DEGREE + 1..].iter_mut().zip(kinks) {
-            *row = ((t - kink.time) / half).max(0.0).powi(kink.order as i32);
-        }
-    }
     /// The same, and the sizes of the kinks, in deviations over `s^order`.
     fn solve(&self, range: Range<usize>, kinks: &[Kink]) -> Option<(f64, Vec<f64>)> {
-        let (left, x) = self.coefficients(&range, kinks)?;
-        let half = 0.5 * (self.times[range.end - 1] - self.times[range.start]);
-        // Of (t - T)_+^m over its factorial.
-        let size =
-            |(k, kink): (usize, &Kink)| x[DEGREE + 1 + k] * (1..=kink.order).map(|m| m as f64 / half).product::<f64>();
-        Some((left, kinks.iter().enumerate().map(size).collect()))
-    }
-    /// What is left of every sample of a stretch, in deviations.
-    fn residuals(&self, range: &Range<usize>, kinks: &[Kink]) -> Option<Vec<f64>> {
-        let x = self.coefficients(range, kinks)?.1;
-        let origin = self.q[range.start];
-        let mut row = [0.0; MOST];
-        let of = |i: usize| {
-            self.row(range, kinks, self.times[i], &mut row);
-            (self.q[i] - origin) / self.sigma - x.iter().zip(&row).map(|(x, r)| x * r).sum::<f64>()
-        };
-        Some(range.clone().map(of).collect())
-    }
-    fn coefficients(&self, range: &Range<usize>, kinks: &[Kink]) -> Option<(f64, DVector<f64>)> {
-        let (times, q) = (self.times.get(range.clone())?, self.q.get(range.clone())?);
-        let origin = q.first()?;
-        let columns = DEGREE + 1 + kinks.len();
+        let (times, q) = (self.times.get(range.clone())?, self.q.get(range)?);
+        let (first, last) = (*times.first()?, *times.last()?);
+        let (middle, half) = (0.5 * (first + last), 0.5 * (last - first));
+        let smooth = DEGREE + 1;
+        let columns = smooth + kinks.len();
         let mut normal = DMatrix::<f64>::zeros(columns, columns);
         let mut read = DVector::<f64>::zeros(columns);
         let mut squares = 0.0;
         let mut row = [0.0; MOST];
         for (t, q) in times.iter().zip(q) {
-            self.row(range, kinks, *t, &mut row);
-            let y = (q - origin) / self.sigma;
+            let x = (t - middle) / half;
+            (row[0], row[1]) = (1.0, x);
+            for k in 2..smooth {
+                // Legendre's recurrence.
+                let a = k as f64;
+                row[k] = ((2.0 * a - 1.0) * x * row[k - 1] - (a - 1.0) * row[k - 2]) / a;
+            }
+            for (row, kink) in row[smooth..].iter_mut().zip(kinks) {
+                *row = ((t - kink.time) / half).max(0.0).powi(kink.order as i32);
+            }
+            let y = (q - self.q[0]) / self.sigma;
             squares += y * y;
             for a in 0..columns {
                 read[a] += row[a] * y;
                 (0..=a).for_each(|b| normal[(a, b)] += row[a] * row[b]);
             }
         }
-        let x = normal.cholesky()?.solve(&read);
+        let factor = normal.cholesky()?;
+        let x = factor.solve(&read);
         let left = squares - read.dot(&x);
-        left.is_finite().then_some((left, x))
+        // Of (t - T)_+^m over its factorial.
+        let size =
+            |(k, kink): (usize, &Kink)| x[smooth + k] * (1..=kink.order).map(|m| m as f64 / half).product::<f64>();
+        left.is_finite().then(|| (left, kinks.iter().enumerate().map(size).collect()))
     }
 }
