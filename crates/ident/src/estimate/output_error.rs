@@ -194,7 +194,7 @@ impl<'a> OutputError<'a> {
         let untold = if kinks > 0 { self.left_out() } else { 0 };
         (kinks, untold, self.rows.count())
     }
-    /// When kinks of the fitted motion are (s since the first sample), ascending; none where none was fitted. Allocates.
+    /// When kinks of the fitted motion are (s since the first sample), in no order; none where none was fitted. Allocates.
     pub fn kink_times(&self) -> Vec<f64> {
         self.tables.noise.as_ref().map(MotionNoise::kink_times).unwrap_or_default()
     }

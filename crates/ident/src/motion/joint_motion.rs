@@ -128,11 +128,9 @@ impl MotionNoise {
     pub(crate) fn kinks(&self) -> usize {
         self.motion.kinks().count()
     }
-    /// When they are (s), ascending. Allocates.
+    /// When they are (s), in no order. Allocates.
     pub(crate) fn kink_times(&self) -> Vec<f64> {
-        let mut out: Vec<f64> = self.motion.kinks().map(|k| k.0.time).collect();
-        out.sort_by(f64::total_cmp);
-        out
+        self.motion.kinks().map(|k| k.0.time).collect()
     }
     /// Splines with the same knots through noise alone, at the sample times of the positions: what a fitted motion is off by, without
     /// what recorded rates add. Positions that are read in steps err by what the steps leave of the motion, shifted by a part of a step:

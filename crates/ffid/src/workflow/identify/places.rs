@@ -17,7 +17,9 @@ use super::result::identification::IdentificationResult;
 use super::result::provenance::Warning;
 use super::signals::Signals;
 use super::text;
+use crate::workflow::differences::typical;
 use ff_model::diagnostics::list;
+use nalgebra::DVectorView;
 
 /// Chi-squared of an instant above the number of channels from which it is no chance among tens of thousands.
 const STANDS_OUT: f64 = 40.0;
@@ -26,8 +28,6 @@ const NEXT: f64 = 6.0;
 const ABOUT: f64 = 1.5;
 /// Largest part of the instants of a record.
 const FEW: f64 = 0.01;
-/// Middle of the absolute values of a normal distribution.
-const MIDDLE: f64 = 0.674_49;
 /// Instants that are listed.
 const LISTED: usize = 4;
 
@@ -69,14 +69,14 @@ impl Places {
 
 /// Stretches about the instants of a record that stand out.
 fn places(s: &Signals, kinks: &[f64], dt: f64) -> Option<Vec<(f64, f64)>> {
-    let of = |c: usize| -> Vec<f64> { s.residual(c).into_iter().map(|r| r / s.sigma[c]).collect() };
-    let channels: Vec<Vec<f64>> = (0..s.names.len())
-        .map(|c| {
-            let r = of(c);
-            let usual = usual(&r).max(1.0);
-            r.into_iter().map(|r| r / usual).collect()
-        })
-        .collect();
+    let over_usual = |c: usize| {
+        let r: Vec<f64> = s.residual(c).into_iter().map(|r| r / s.sigma[c]).collect();
+        // Those that do not count are zero.
+        let counted: Vec<f64> = r.iter().copied().filter(|r| *r != 0.0).collect();
+        let usual = typical(DVectorView::from_slice(&counted, counted.len()), 0).max(1.0);
+        r.into_iter().map(|r| r / usual).collect()
+    };
+    let channels: Vec<Vec<f64>> = (0..s.names.len()).map(over_usual).collect();
     let mut out: Vec<(f64, f64)> = Vec::new();
     for (i, &t) in s.time.iter().enumerate() {
         let read = channels.iter().map(|r| r[i]).filter(|r| !r.is_nan());
@@ -95,16 +95,6 @@ fn places(s: &Signals, kinks: &[f64], dt: f64) -> Option<Vec<(f64, f64)>> {
     }
     let left_out = s.time.iter().filter(|t| out.iter().any(|(a, b)| (*a..=*b).contains(t))).count();
     (left_out as f64 <= FEW * s.time.len() as f64).then_some(out)
-}
-
-/// Deviation of most residuals, whatever the others are; those that do not count are zero.
-fn usual(r: &[f64]) -> f64 {
-    let mut sizes: Vec<f64> = r.iter().map(|r| r.abs()).filter(|r| *r > 0.0).collect();
-    if sizes.is_empty() {
-        return 0.0;
-    }
-    let middle = sizes.len() / 2;
-    *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / MIDDLE
 }
 
 #[cfg(test)]

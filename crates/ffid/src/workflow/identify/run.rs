@@ -256,7 +256,9 @@ fn identify_from(
         };
         watch.unless_ended(end.named_by_fits(tests))?;
         let below = if begun.is_none() { tests.below.take() } else { None };
-        if let Some(e) = below.and_then(|start| lower_from(&start, &request, &fitted.estimate, &mut watched)) {
+        let first = (&fitted.estimate, LOWER);
+        let lower = below.and_then(|start| lower_from(&start, &request, first, &mut watched));
+        if let Some(e) = lower.filter(|_| !watch.is_stopped()) {
             return identify_from(Some(&e), opened, records, given.0, given.1, result.provenance, watch);
         }
         let estimates = !result.parameters.is_empty();
@@ -273,17 +275,16 @@ fn identify_from(
     Ok(Identified { result, signals, values, selected, tried, draws: None, fitted: Some(fitted) })
 }
 
-/// The end of a fit that begins there, if it is lower than this one.
+/// The end of a fit that begins there, if its objective is lower than that of this one by so much.
 fn lower_from(
     start: &[f64],
     request: &Request<'_>,
-    end: &Estimate,
+    (end, by): (&Estimate, f64),
     estimator: &mut ObservedEstimator<'_>,
 ) -> Option<Estimate> {
     let centre = Some(request.centre.unwrap_or(request.start));
     let e = attempt(&Request { start, centre, coarse: false, led: true, ..request.clone() }, estimator).ok()?;
-    let lower = e.is_solution() && e.objective < end.objective - LOWER && !estimator.stopped();
-    lower.then(|| gone_on(e, end, request))
+    (e.is_solution() && e.objective < end.objective - by).then(|| gone_on(e, end, request))
 }
 
 /// A fit that was ended from outside, as one that has not ended: one linearisation of all data at the best point that it has come to.
@@ -419,15 +420,14 @@ fn followed(
             Followed::Up(profiles) => return profiles,
             Followed::Down(start) => start,
         };
-        let centre = Some(request.centre.unwrap_or(request.start));
-        let on = Request { start: &start, centre, coarse: false, led: true, finer: ASIDE, ..request.clone() };
-        match attempt(&on, estimator) {
-            Ok(e) if e.is_solution() && e.objective < ending.estimate.objective - bends::LOWER => {
-                *ending = best_valley(request, gone_on(e, &ending.estimate, request), of, estimator);
+        let aside = Request { finer: ASIDE, ..request.clone() };
+        match lower_from(&start, &aside, (&ending.estimate, bends::LOWER), estimator) {
+            Some(e) => {
+                *ending = best_valley(request, e, of, estimator);
                 left -= 1;
             }
             // The chord promised too much: the valley is taken as it is.
-            _ => left = 0,
+            None => left = 0,
         }
     }
 }
