@@ -115,15 +115,15 @@ pub(crate) fn spikes(name: &str, x: &[f64], time: &dyn Fn(usize) -> f64, keep: b
         2.0 * ((x[i] * behind + x[i + 2] * before) / (before + behind) - x[i + 1])
     };
     let all = x.len() - 2;
-    // A motor that is off for a while reads zero, which is no noise.
-    let usual = median(all, |i| second(i).abs(), |s| s > 0.0);
+    // A motor that is off for a while reads zero, which is no noise. Nor are the last digits of readings in steps that are on a line, next to which one step
+    // would be a spike.
+    let rounded = ROUNDED * x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let usual = median(all, |i| second(i).abs(), |s| s > rounded);
     // Nothing to compare with where most samples lie on straight lines.
     if usual <= 0.0 {
         return Vec::new();
     }
-    // Nor is a rounded digit of a signal that stands still a spike.
-    let largest = x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    let limit = SPIKE * usual.max(ROUNDED * largest);
+    let limit = SPIKE * usual;
     let near = |a: f64, b: f64| (a + 0.5 * b).abs() <= SHAPE * 0.5 * b.abs();
     let mut found = Vec::new();
     for i in 1..all - 1 {
@@ -387,6 +387,20 @@ mod tests {
         let out = |x: &[f64], keep| spikes("tau.a", x, &|i| i as f64, keep, &mut Problems::default());
         assert_eq!(out(&with(500), false), [7, 507, 1007, 1507]);
         assert!(out(&with(500), true).is_empty() && out(&with(40), false).is_empty() && out(&wave, false).is_empty());
+    }
+
+    #[test]
+    fn a_step_of_an_encoder_is_no_spike_beside_readings_on_a_line() {
+        // Rests, moves by steps of 4.8e-5 rad, and flickers between two of them for one reading now and then.
+        let step = core::f64::consts::TAU / f64::from(1 << 17);
+        let moved = |k: usize| 0.37 + 0.9 * (0.004 * k.saturating_sub(900) as f64).sin();
+        let flicker = |k: usize| if k % 97 == 5 { step } else { 0.0 };
+        let read: Vec<f64> = (0..2000).map(|k| (moved(k) / step).round() * step + flicker(k)).collect();
+        let out = |x: &[f64]| spikes("q.a", x, &|i| 0.02 * i as f64, false, &mut Problems::default());
+        assert!(out(&read).is_empty(), "{:?}", out(&read));
+        let mut spiked = read;
+        spiked[611] += 300.0 * step;
+        assert_eq!(out(&spiked), [611]);
     }
 
     #[test]

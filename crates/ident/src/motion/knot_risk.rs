@@ -53,18 +53,29 @@ pub(crate) fn variance_of(order: i32, spacing: f64, dt: f64, rho: f64) -> f64 {
     mean * dt / spacing.powi(2 * order + 1)
 }
 
-/// Step of a channel whose readings are whole multiples of one, counted from the first; `None` for one that is not quantised.
-/// Allocates.
+/// Part of the gaps between readings that are whole multiples of a step, where others were put in place of a few.
+const WHOLE: f64 = 0.98;
+
+/// Step of a channel whose readings, but for some that were put in place of others, are whole multiples of one, counted from the first; `None` for one that is not
+/// quantised. Allocates.
 pub(crate) fn quantum(x: impl Iterator<Item = f64>) -> Option<f64> {
     let mut sorted: Vec<f64> = x.collect();
     sorted.sort_by(f64::total_cmp);
     let largest = sorted.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    let gaps: Vec<f64> = sorted.windows(2).map(|w| w[1] - w[0]).filter(|g| *g > 1e-13 * largest).collect();
-    let step = gaps.iter().copied().fold(f64::INFINITY, f64::min);
-    // One gap is always a multiple of itself; the rounding of readings leaves a little of every other.
-    let slack = 0.01 + 1e-14 * largest / step;
-    let whole = |g: &f64| (g / step - (g / step).round()).abs() < slack;
-    (gaps.len() > 8 && slack < 0.1 && gaps.iter().all(whole)).then_some(step)
+    let mut gaps: Vec<f64> = sorted.windows(2).map(|w| w[1] - w[0]).filter(|g| *g > 1e-13 * largest).collect();
+    gaps.sort_by(f64::total_cmp);
+    // A reading that was put in may be nearer to another than a step.
+    let others = ((1.0 - WHOLE) * gaps.len() as f64) as usize;
+    let first = core::iter::once(0).chain(core::iter::successors(Some(1), |k| Some(2 * k)));
+    let steps = first.take_while(|k| *k <= others && gaps.len() > 8).map(|k| gaps[k]);
+    let is_step = |step: &f64| {
+        // One gap is always a multiple of itself; the rounding of readings leaves a little of every other.
+        let slack = 0.01 + 1e-14 * largest / step;
+        let whole = |g: &&f64| (*g / step - (*g / step).round()).abs() < slack && **g > 0.5 * step;
+        slack < 0.1 && gaps.iter().filter(whole).count() as f64 >= WHOLE * gaps.len() as f64
+    };
+    // The largest: readings that were put in may be at tenths of it.
+    steps.filter(is_step).reduce(f64::max)
 }
 
 /// A fit with what its motion is worth at instants that all fits share.
