@@ -95,6 +95,7 @@ fn torques_in_millinewton_metres_are_named_with_their_factor() {
 }
 
 #[test]
+#[ignore = "full tier: 2 s"]
 fn rates_and_positions_in_degrees_are_named_with_their_factor() {
     let c = recorded();
     let told = changed(&c, |name, x| if name.starts_with("gyro") { DEGREES * x } else { x });
@@ -124,6 +125,7 @@ fn units_the_other_way_round_and_everything_in_degrees_are_named() {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn signs_are_named_of_a_torque_and_of_a_joint() {
     let c = recorded();
     let told = changed(&c, |name, x| if name.starts_with("tau.joint2") { -x } else { x });
@@ -376,6 +378,7 @@ fn swapped_columns_of_a_light_wrist_are_in_doubt_behind_a_fit() {
 }
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn noise_is_measured_and_the_key_to_change_is_named() {
     let c = recorded();
     let mission = c.read("m.toml");

@@ -540,6 +540,7 @@ fn selfcheck_and_completions() {
 /// Stiffness and damping 40 % low and the base mass 30 % high: straight over the record of 30 s the limit of 100 linearisations was met at
 /// 200 times the noise (exit code 14). The beginning of the record shows the way, which is kept whether or not a pass got to its end.
 #[test]
+#[ignore = "full tier: 8 s"]
 fn a_start_forty_percent_off_ends_at_the_answer() {
     let wrong = "\"base.mass\" = 780.0\n\"panel_left.k[0]\" = 120.0\n\"panel_left.k[1]\" = 120.0\n\"panel_right.k[0]\" = 120.0\n\
                  \"panel_right.k[1]\" = 120.0\n\"panel_left.d[0]\" = 1.2\n\"panel_left.d[1]\" = 1.2\n\"panel_right.d[0]\" = 1.2\n\

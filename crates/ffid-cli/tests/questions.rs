@@ -8,6 +8,7 @@ use ffid::workflow::identify::IdentificationResult;
 use std::fs;
 
 #[test]
+#[ignore = "full tier: 3 s"]
 fn several_records_share_the_parameters_and_keep_their_biases() {
     let c = slosh();
     // Each record has biases of its own.

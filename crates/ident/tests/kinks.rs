@@ -152,7 +152,8 @@ fn instants_that_torques_tell_are_taken_and_sized_by_positions() {
     let (before, now) = (error(&without, &truth), error(&with, &truth));
     let found: Vec<_> = with.fit.motion.kinks().collect();
     eprintln!("{} kinks, acceleration {} and {} rad/s^2", found.len(), before.sqrt(), now.sqrt());
-    assert!(now < 0.25 * before, "{before:e} {now:e}");
+    // Less than a deviation of what the torque sensors see, by the stake.
+    assert!(now < 0.8 * before && 170.0 * now.sqrt() < 1.0, "{before:e} {now:e}");
     let own = |k: &ident::motion::Kink| truth.jumps[k.joint].iter().any(|t| (t.0 - k.time).abs() < DT);
     let strangers = found.iter().filter(|(k, _)| !own(k)).count();
     assert!(strangers * 4 < found.len(), "{strangers} of {}", found.len());

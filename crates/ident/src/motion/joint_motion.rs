@@ -2,7 +2,7 @@
 
 use crate::estimate::setup::SetupError;
 use crate::motion::bent::Bent;
-use crate::motion::kink::{FittedMotion, Kink, untold};
+use crate::motion::kink::{Column, FittedMotion, Kink, untold};
 use crate::motion::knot_spectrum::{KnotError, SpectralFit, Stake, fit_at_stake};
 use crate::motion::last_fits::remembered;
 use crate::motion::loose_ends::LooseEnds;
@@ -59,12 +59,16 @@ pub(crate) fn motion_of(
     };
     let (spacing, from_rest) = (fit.fit.spacing, fit.fit.from_rest);
     let worth = weights.iter().zip(&fit.noise).map(|(w, s)| (w * s).powi(2)).sum();
-    let untold = untold(&fit.fit.motion, &weights, fit.dt);
-    let ends = LooseEnds::new(&times(record), spacing, from_rest, worth).with_untold(untold);
+    let untold = untold(&fit.fit.motion, &fit.planned, &weights, fit.dt);
+    let ends = LooseEnds::new(&times(record), at_ends(&fit), from_rest, worth).with_untold(untold);
     let moved = moved(record, &fit);
-    let bent = Bent::of(&fit.fit.motion, &fit.noise, spacing, (record.samples(), fit.dt));
+    let tied = fit.tied.clone();
+    // A plan has no part that its knots bend.
+    let bends = !fit.planned.iter().all(|planned| *planned);
+    let bent = bends.then(|| Bent::of(&fit.fit.motion, &fit.noise, spacing, (record.samples(), fit.dt))).flatten();
     let noise = MotionNoise {
         moved,
+        tied,
         bent: bent.map(Arc::new),
         spacing,
         positions: fit.noise,
@@ -76,6 +80,16 @@ pub(crate) fn motion_of(
     Ok((Box::new(fit.fit.motion), Some(noise)))
 }
 
+/// How far apart knots are next to the ends (s): a plan is as loose there as its first and last pieces are short, however far apart its other knots are.
+fn at_ends(fit: &SpectralFit) -> f64 {
+    let (spacing, end) = (fit.fit.spacing, fit.fit.motion.duration());
+    if !fit.planned.iter().all(|planned| *planned) {
+        return spacing;
+    }
+    let next = fit.fit.motion.kinks().map(|k| k.0.time.min(end - k.0.time)).fold(spacing, f64::min);
+    next.max(SAMPLES_PER_KNOT * fit.dt)
+}
+
 /// See [`movable`]; none without kinks.
 fn moved(record: &Record, fit: &SpectralFit) -> Vec<Kink> {
     let kinks: Vec<(Kink, f64)> = fit.fit.motion.kinks().collect();
@@ -84,7 +98,9 @@ fn moved(record: &Record, fit: &SpectralFit) -> Vec<Kink> {
     }
     let (times, q) = (times(record), rows(record.q()));
     let positions = JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 };
-    movable(&positions, fit.fit.spacing, &kinks, &fit.noise, TOLD * fit.dt)
+    let mut moved = movable(&positions, fit.fit.spacing, &kinks, &fit.planned, &fit.noise, TOLD * fit.dt);
+    moved.retain(|k| !fit.tied.iter().any(|t| t.0 == *k));
+    moved
 }
 
 /// Part of the interval between samples to which the time of a kink must be told, for its error to be one to first order.
@@ -103,8 +119,9 @@ pub(crate) struct MotionNoise {
     motion: Arc<FittedMotion>,
     /// The motion was held at rest at the first sample: a spline that is free there begins with a rate of noise that lasts all the record.
     from_rest: bool,
-    /// What errors of the times of kinks add, where these are told.
+    /// What errors of the times of kinks add, where positions tell these; and where torques do, with the deviation of the size.
     moved: Vec<Kink>,
+    tied: Vec<(Kink, f64)>,
     /// What the spline bends of the motion.
     bent: Option<Arc<Bent>>,
     /// What it adds to the torques next to the ends.
@@ -151,10 +168,12 @@ impl MotionNoise {
             }
             let failed = |e: FitError| SetupError::JointMotion(e.to_string());
             let bent = self.bent.as_ref().map(|b| b.draw(&mut rng)).transpose().map_err(failed)?;
-            if let Some(bent) = &bent {
-                let mut x = vec![0.0; n];
+            // What a fit takes for another motion, and the other motion.
+            let tied = self.mistimed(&mut rng).map_err(failed)?;
+            let mut x = vec![0.0; n];
+            for other in bent.iter().chain(&tied) {
                 for (t, q) in times.iter().zip(q.chunks_exact_mut(n)) {
-                    bent.derivative(*t, 0, &mut x);
+                    other.derivative(*t, 0, &mut x);
                     q.iter_mut().zip(&x).for_each(|(q, x)| *q -= x);
                 }
             }
@@ -163,12 +182,24 @@ impl MotionNoise {
             // Times that are not told beside the others stay.
             let fit = fit(&[&kinks[..], &self.moved].concat()).or_else(|_| fit(&kinks));
             let fit = fit.map_err(failed)?.motion;
-            Ok(match bent {
-                Some(bent) => Arc::new(Sum([fit, bent])) as Arc<dyn JointMotion>,
-                None => Arc::new(fit),
-            })
+            let all: Vec<FittedMotion> = core::iter::once(fit).chain(bent).chain(tied).collect();
+            Ok(Arc::new(Sum(all)) as Arc<dyn JointMotion>)
         };
         (0..count).map(one).collect()
+    }
+    /// What errors of the times add that torques tell; `None` for nothing.
+    fn mistimed(&self, rng: &mut ChaCha8Rng) -> Result<Option<FittedMotion>, FitError> {
+        if self.tied.is_empty() {
+            return Ok(None);
+        }
+        let knots = self.motion.spline().knots();
+        let mut of = |(k, size): &(Kink, f64)| {
+            let normal: f64 = StandardNormal.sample(rng);
+            (Column::new(knots, *k), size * normal)
+        };
+        let kinks = self.tied.iter().map(&mut of).collect();
+        let none = DMatrix::zeros(self.positions.len(), knots.count());
+        Ok(Some(FittedMotion::new(knots.clone(), none, kinks, self.motion.ramp())?))
     }
     /// Error of a reading of joint `j` at position `q`, for normal `noise` of unit deviation: that of the steps, and noise of what they
     /// leave of the deviation of the positions.
@@ -182,8 +213,8 @@ impl MotionNoise {
     }
 }
 
-/// Two motions of as many joints, one on the other.
-struct Sum([FittedMotion; 2]);
+/// Motions of as many joints, one on the other.
+struct Sum(Vec<FittedMotion>);
 
 impl JointMotion for Sum {
     fn dof(&self) -> usize {
@@ -195,12 +226,14 @@ impl JointMotion for Sum {
     fn eval(&self, t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
         let n = self.dof();
         self.0[0].eval(t, q, qd, qdd);
-        let mut own = vec![0.0; 3 * n];
-        let (x, rest) = own.split_at_mut(n);
-        let (v, a) = rest.split_at_mut(n);
-        self.0[1].eval(t, x, v, a);
-        for (to, from) in [(q, x), (qd, v), (qdd, a)] {
-            to.iter_mut().zip(from.iter()).for_each(|(to, from)| *to += from);
+        let mut own = vec![0.0; if self.0.len() > 1 { 3 * n } else { 0 }];
+        for other in &self.0[1..] {
+            let (x, rest) = own.split_at_mut(n);
+            let (v, a) = rest.split_at_mut(n);
+            other.eval(t, x, v, a);
+            for (to, from) in [(&mut *q, x), (&mut *qd, v), (&mut *qdd, a)] {
+                to.iter_mut().zip(from.iter()).for_each(|(to, from)| *to += from);
+            }
         }
     }
     fn breaks(&self) -> Vec<f64> {
@@ -321,6 +354,7 @@ mod tests {
             motion: Arc::new(fit.motion),
             from_rest: false,
             moved: Vec::new(),
+            tied: Vec::new(),
             bent: None,
             ends: LooseEnds::default(),
         }

@@ -15,14 +15,14 @@ use ff_dynamics::motion::JointMotion;
 use ff_dynamics::motion::bspline::{BSplineError, BSplineMotion, Knots, MAX_DEGREE};
 use nalgebra::DMatrix;
 
-/// Where a derivative of a joint's position jumps.
+/// Where a derivative of a joint's position jumps. One time has several of them where more derivatives than one jump there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kink {
     /// Index of the joint.
     pub joint: usize,
     /// When (s).
     pub time: f64,
-    /// Which derivative: 2 for the acceleration, 3 for the jerk.
+    /// Which derivative: 2 for the acceleration, 3 for the jerk, up to 5.
     pub order: usize,
 }
 
@@ -30,6 +30,10 @@ impl Kink {
     /// The kink that this one changes by with its time, but for sign and size.
     pub(super) fn by_time(&self) -> Self {
         Self { order: self.order - 1, ..*self }
+    }
+    /// Whether lower derivatives jump at its time too, of these kinks: they then say when that is.
+    pub(super) fn is_above_another(&self, kinks: &[Self]) -> bool {
+        kinks.iter().any(|k| k.joint == self.joint && k.time == self.time && k.order < self.order)
     }
 }
 
@@ -46,10 +50,10 @@ pub(crate) struct Column {
     to: f64,
 }
 
-const FACTORIAL: [f64; 4] = [1.0, 1.0, 2.0, 6.0];
+const FACTORIAL: [f64; 6] = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0];
 
 impl Column {
-    /// On these knots; the order of the kink is one, two or three, and below the degree.
+    /// On these knots; the order of the kink is one to five, and below the degree.
     pub(crate) fn new(knots: &Knots, kink: Kink) -> Self {
         let (t, d, m) = (knots.knots(), knots.degree(), kink.order);
         let middle = |i: usize| t[i + 1..=i + d].iter().sum::<f64>() / d as f64;
@@ -59,7 +63,7 @@ impl Column {
         for (k, p) in polar.iter_mut().enumerate().take(d) {
             if first + k < knots.count() {
                 // Elementary symmetric polynomial of degree m.
-                let mut e = [1.0, 0.0, 0.0, 0.0];
+                let mut e = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
                 for u in &t[first + k + 1..=first + k + d] {
                     (1..=m).rev().for_each(|r| e[r] += e[r - 1] * (u - kink.time));
                 }
@@ -131,6 +135,10 @@ impl FittedMotion {
     pub fn spline(&self) -> &BSplineMotion {
         &self.spline
     }
+    /// How long the ramp is that stands for a jump (s).
+    pub(super) fn ramp(&self) -> f64 {
+        self.ramp
+    }
     /// The kinks, and by how much the derivative jumps at each (`rad/s^order` or `m/s^order`).
     pub fn kinks(&self) -> impl Iterator<Item = (Kink, f64)> {
         self.kinks.iter().map(|(c, size)| (c.kink, *size))
@@ -156,24 +164,19 @@ impl FittedMotion {
         let mut kinks: Vec<(Kink, f64)> = self.kinks().filter(|k| k.0.order >= 2).collect();
         kinks.sort_by(|a, b| a.0.time.total_cmp(&b.0.time));
         let mut begun = 0;
-        // Per joint `c + s t`.
-        let mut powers = vec![[0.0; 2]; n];
+        let mut powers = vec![Powers::default(); n];
         let mut out = accelerations.to_vec();
         for (&t, a) in times.iter().zip(out.chunks_exact_mut(n)) {
             while let Some((k, size)) = kinks.get(begun).filter(|k| k.0.time + 0.5 * self.ramp <= t) {
-                let of = &mut powers[k.joint];
-                if k.order == 2 {
-                    of[0] += size;
-                } else {
-                    (of[0], of[1]) = (of[0] - size * k.time, of[1] + size);
-                }
+                powers[k.joint].add(k, *size);
                 begun += 1;
             }
-            a.iter_mut().zip(&powers).for_each(|(a, [c, s])| *a -= c + s * t);
+            a.iter_mut().zip(&powers).for_each(|(a, p)| *a -= p.at(t));
             // Kinks that a sample is next to.
             for (k, size) in kinks[begun..].iter().take_while(|k| k.0.time - 0.5 * self.ramp < t) {
-                let u = t - k.time;
-                a[k.joint] -= if k.order == 2 { size * (u / self.ramp + 0.5) } else { size * u.max(0.0) };
+                let (u, above) = (t - k.time, k.order - 2);
+                let power = u.max(0.0).powi(above as i32) / FACTORIAL[above];
+                a[k.joint] -= size * if above == 0 { u / self.ramp + 0.5 } else { power };
             }
         }
         out
@@ -183,6 +186,28 @@ impl FittedMotion {
         for (c, size) in self.kinks[begin..].iter().take_while(|k| k.0.from <= t).filter(|k| k.0.covers(t)) {
             out[c.kink.joint] += size * c.at(t, order, basis, self.ramp);
         }
+    }
+}
+
+/// What kinks add to an acceleration behind them: a polynomial of the time from the last of them on, by which no digits are lost in long records.
+#[derive(Clone, Copy, Default)]
+struct Powers {
+    from: f64,
+    of: [f64; 4],
+}
+
+impl Powers {
+    fn add(&mut self, kink: &Kink, size: f64) {
+        let by = kink.time - self.from;
+        // Taylor's shift.
+        for first in 0..self.of.len() {
+            (first..self.of.len() - 1).rev().for_each(|i| self.of[i] += by * self.of[i + 1]);
+        }
+        self.from = kink.time;
+        self.of[kink.order - 2] += size / FACTORIAL[kink.order - 2];
+    }
+    fn at(&self, t: f64) -> f64 {
+        self.of.iter().rev().fold(0.0, |sum, c| sum * (t - self.from) + c)
     }
 }
 
@@ -227,13 +252,16 @@ const ABOUT: f64 = 0.75;
 const CLOSE: f64 = 10.0;
 
 /// Stretches of time (s) near kinks where the acceleration is not told: about a jump, and from one kink to another of the same joint that is
-/// close by. `weights` are the torques that a unit acceleration of each joint takes, in deviations of their sensors; `dt` is the time between samples (s). Allocates.
-pub(super) fn untold(motion: &FittedMotion, weights: &[f64], dt: f64) -> Vec<(f64, f64)> {
+/// close by, unless the joint is `planned`: its positions then tell both. `weights` are the torques that a unit acceleration of each joint takes, in
+/// deviations of their sensors; `dt` is the time between samples (s). Allocates.
+pub(super) fn untold(motion: &FittedMotion, planned: &[bool], weights: &[f64], dt: f64) -> Vec<(f64, f64)> {
     let mut out = Vec::new();
-    for (j, weight) in weights.iter().enumerate() {
-        let mut own: Vec<(Kink, f64)> = motion.kinks().filter(|k| k.0.joint == j).collect();
+    for ((j, weight), planned) in weights.iter().enumerate().zip(planned) {
+        let own = motion.kinks().filter(|k| k.0.joint == j && (k.0.order == 2 || !planned));
+        let mut own: Vec<(Kink, f64)> = own.collect();
         own.sort_by(|a, b| a.0.time.total_cmp(&b.0.time));
-        for group in own.chunk_by(|a, b| b.0.time - a.0.time < CLOSE * dt) {
+        let close = if *planned { 0.0 } else { CLOSE * dt };
+        for group in own.chunk_by(|a, b| b.0.time - a.0.time < close) {
             let (first, last) = (group[0].0.time, group[group.len() - 1].0.time);
             // What the acceleration changes by while a kink of its rate lasts.
             let of = |(k, size): &(Kink, f64)| if k.order == 2 { size.abs() } else { size.abs() * (last - first) };

@@ -12,6 +12,7 @@
 //! Krishnaprasad, *Asilomar* 1993, 40). Joint after joint, and in windows, so that its time grows with the length of a record.
 
 use crate::motion::kink::{Column, Kink};
+use crate::motion::planned::{Positions, criterion};
 use crate::motion::segments::Pieces;
 use crate::motion::spline_basis::{Bent, SplineBasis};
 use crate::motion::spline_fit::{DEGREE, FitError, JointSamples, SIXTH, is_even, sixth_differences, spans};
@@ -52,6 +53,13 @@ const LESS: f64 = 0.5;
 const PHASES: f64 = 16.0;
 /// Steps of an encoder that residuals about a kink reach, where it reads in steps: the saw of a slow joint is none.
 const STEPPED: f64 = 2.0;
+/// Part of what knots at equal distances cost besides the noise that plans must stay below: it was 0.2 at most for motions that were planned, and 0.5 to 0.8 where an encoder hides
+/// that one is a plan of another kind, and torques show it; from 1 on for tones.
+const PART: f64 = 0.4;
+/// Kinks of a joint beyond which plans are none: their equations, of which there are some for every draw of the noise, would take minutes.
+const MANY: usize = 600;
+/// Factors on a spacing of knots at equal distances.
+const EVEN: [f64; 7] = [1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0];
 /// Spans of a window, and of its margins, whose kinks are those of its neighbours.
 const WINDOW: usize = 120;
 const MARGIN: f64 = 12.0;
@@ -87,6 +95,43 @@ impl Search<'_> {
             }
         }
         Ok(out)
+    }
+    /// Where the polynomials meet that joints move in, if all of them do, or are at rest: those of [`Positions::planned`] that take fewer numbers than the best spline with knots at equal
+    /// distances, of those from `spacing` on. Allocates.
+    pub(super) fn planned(&self, spacing: f64) -> Result<Option<Vec<Kink>>, FitError> {
+        let s = self.samples;
+        // The criterion, and what is left for each number that is not the spline's.
+        let mut even = vec![(f64::INFINITY, 1.0); s.dof];
+        for wider in EVEN {
+            let spans = spans(s, wider * spacing);
+            let basis = SplineBasis::new(s, spans, DEGREE, false)?;
+            let smooth = basis.smooth(s);
+            for (j, even) in even.iter_mut().enumerate() {
+                let r = basis.residuals(s, j, &smooth.row(j).transpose(), core::iter::empty());
+                let left: f64 = r.iter().map(|r| (r / self.noise[j]).powi(2)).sum();
+                let (of_spline, free) = (spans + DEGREE, r.len().saturating_sub(spans + DEGREE));
+                let cost = criterion(left, of_spline, r.len());
+                if cost < even.0 {
+                    *even = (cost, left / free.max(1) as f64);
+                }
+            }
+        }
+        let told: Vec<f64> = self.corners.iter().filter(|c| c.order == 3).map(|c| c.time).collect();
+        let mut out = Vec::new();
+        for j in (0..s.dof).filter(|&j| self.noise[j] > 0.0) {
+            let (q, sigma) = (self.positions(j), self.noise[j]);
+            let (cost, scale) = even[j];
+            let noise = scale * s.times.len() as f64;
+            let positions = Positions { times: s.times, q: &q, sigma, told: &told };
+            let Some(found) = positions.planned(noise + PART * (cost - noise), scale) else { return Ok(None) };
+            if found.knots.len() * found.plan.multiplicity > MANY {
+                return Ok(None);
+            }
+            for &time in &found.knots {
+                out.extend((found.plan.lowest()..=found.plan.degree).map(|order| Kink { joint: j, time, order }));
+            }
+        }
+        Ok(Some(out))
     }
     /// These with ramps in place of jumps where positions say so ([`Pieces::ramps`]); `None` where no joint has any. Allocates.
     pub(super) fn ramps(&self, pieces: &[Kink]) -> Option<Vec<Kink>> {

@@ -16,6 +16,7 @@ use crate::motion::knot_risk::{Candidate, JUDGED, best, biases, cost, quantum, v
 use crate::motion::spline_fit::{
     FitError, JointSamples, MotionFit, SAMPLES_PER_KNOT, fit_of_degree, fit_with_kinks, is_even, noise_of,
 };
+use crate::motion::tied_knots::{Tied, tied};
 use crate::motion::torque_corners::Corner;
 use ff_records::ChannelGroup;
 use ff_records::time_base::{TimeBaseError, on_grid_across};
@@ -65,6 +66,10 @@ pub struct SpectralFit {
     pub noise: Vec<f64>,
     /// Per joint, the step in which its positions are read (rad or m); 0 where they are not.
     pub steps: Vec<f64>,
+    /// Per joint, whether it moves in polynomials between its kinks, at the times of which they meet.
+    pub planned: Vec<bool>,
+    /// What errors of the times of kinks add that torques tell: kinks of one order less, and the deviation of the size of each.
+    pub(crate) tied: Vec<(Kink, f64)>,
     /// Deviation of the positions over that of the rates (s); 0 when rates were not used.
     pub rate_weight: f64,
     /// Sampling interval (s).
@@ -158,21 +163,28 @@ pub fn fit_at_stake(
         let usual = noise.map_or_else(usual, <[f64]>::to_vec);
         let search = Search { samples, noise: &usual, steps: &steps, corners: &stake.corners };
         // What fails on the way to kinks is no error: there are none then.
-        kinked(&search, &plain, noise, stake).unwrap_or(None)
+        let bent = |chosen: Chosen, kinks: &[Kink]| {
+            let fit = fit_with_kinks(samples, chosen.spacing, kinks, false).ok()?;
+            Some(Chosen { candidate: fit, ..chosen })
+        };
+        let planned = planned(&search, &plain, noise, stake).unwrap_or(None);
+        let planned = planned.and_then(|(chosen, tied)| Some((bent(chosen, &tied.kinks)?, Some(tied.errors))));
+        planned.or_else(|| {
+            let (chosen, kinks) = kinked(&search, &plain, noise, stake).unwrap_or(None)?;
+            Some((bent(chosen, &kinks)?, None))
+        })
     } else {
         None
     };
-    let bent = found.and_then(|(chosen, kinks)| {
-        let fit = fit_with_kinks(samples, chosen.spacing, &kinks, false).ok()?;
-        Some(Chosen { candidate: fit, ..chosen })
-    });
+    let (bent, tied) = found.map_or((None, None), |(chosen, tied)| (Some(chosen), tied));
+    let (planned, tied) = (vec![tied.is_some(); n], tied.unwrap_or_default());
     let Chosen { bands, floors, noise, rho, reason, candidate: fit, .. } = bent.unwrap_or_else(|| {
         // Where samples are too few for one more of its points, the spline that was judged stays.
         let fit = fit_with_kinks(samples, plain.spacing, &[], false);
         Chosen { candidate: fit.unwrap_or_else(|_| plain.candidate.clone()), ..plain }
     });
     let dt = samples.times[m - 1] / (m - 1) as f64;
-    Ok(SpectralFit { fit, bands, floors, noise, steps, rate_weight: rho, dt, reason })
+    Ok(SpectralFit { fit, bands, floors, noise, steps, planned, tied, rate_weight: rho, dt, reason })
 }
 
 /// Noise of readings in these steps: where a joint rests its readings repeat, and differences see less than the steps.
@@ -186,6 +198,46 @@ const WIDER: [f64; 6] = [2.0, 2.8, 4.0, 5.6, 8.0, 16.0];
 const BETTER: f64 = 0.5;
 /// Cost over what noise may cost, up to which there is nothing to gain.
 const ENOUGH: f64 = 2.0;
+
+/// Squares of deviations of the torques that knots may cost without a look for plans: less than whoever reads a result can see, and the look takes as long as a fit.
+const MINOR: f64 = 0.1;
+
+/// Times as far apart as knots may be that let no noise through, knots beside plans are: what a plan misses next to a knot that is hardly told is followed.
+const COARSER: f64 = 1.5;
+
+/// Kinks where polynomials meet that all joints move in, and knots as far apart as these are; `None` where a joint moves otherwise.
+fn planned(
+    search: &Search<'_>,
+    plain: &Chosen,
+    given: Option<&[f64]>,
+    stake: &Stake,
+) -> Result<Option<(Chosen, Tied)>, KnotError> {
+    if plain.cost < MINOR.max(ENOUGH * stake.free) {
+        return Ok(None);
+    }
+    let Some(kinks) = search.planned(plain.spacing)? else { return Ok(None) };
+    let s = search.samples;
+    let most = (0..s.dof).map(|j| times_of(&kinks, j)).max().unwrap_or(0);
+    if most == 0 {
+        return Ok(None);
+    }
+    let apart = s.times[s.times.len() - 1] / (most + 1) as f64;
+    let spacing = apart.max(WIDER[0] * plain.spacing);
+    let tied = tied(s, spacing, &kinks, (search.noise, &stake.weights), &stake.corners)?;
+    let smooth = search.without(spacing, &tied.kinks)?;
+    let left = JointSamples { q: &smooth.q, qd: smooth.qd.as_deref(), ..*s };
+    let level = match given {
+        Some(noise) => noise.to_vec(),
+        None => above_steps(&noise_of(&left)?, search.steps),
+    };
+    let next = chosen(&left, level, stake)?;
+    Ok(Some((Chosen { spacing: spacing.min(COARSER * next.spacing), ..next }, tied)))
+}
+
+/// At how many times a joint has kinks.
+fn times_of(kinks: &[Kink], joint: usize) -> usize {
+    kinks.iter().filter(|k| k.joint == joint && !k.is_above_another(kinks)).count()
+}
 
 /// The knots of what kinks leave of the motion, and the kinks; `None` where there are none, or where knots cost as much without them.
 fn kinked(

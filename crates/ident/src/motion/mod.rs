@@ -2,6 +2,7 @@
 
 pub(crate) mod banded;
 mod bent;
+mod free_knots;
 pub(crate) mod joint_motion;
 pub(crate) mod kink;
 pub(crate) mod kink_search;
@@ -10,11 +11,13 @@ pub(crate) mod knot_spectrum;
 mod last_fits;
 pub(crate) mod late_encoder;
 pub(crate) mod loose_ends;
+mod planned;
 pub(crate) mod segments;
 pub(crate) mod spline_basis;
 pub(crate) mod spline_fit;
 pub(crate) mod stamped_motion;
 pub(crate) mod tables;
+mod tied_knots;
 pub(crate) mod torque_corners;
 pub(crate) mod torque_sensitivity;
 pub(crate) mod zero_phase;

@@ -158,12 +158,14 @@ pub(super) fn fit_of_degree(samples: &JointSamples<'_>, spacing: f64, degree: us
     fit_spacing(samples, spacing, &Shape { degree, from_rest: false, kinks: &[] })
 }
 
-/// Kinks of one order less, for those of these kinks whose times (s) are told to `within` by positions with this noise (rad or m, per joint): what errors
-/// of their times add to a motion, to first order, which errors as long as the kinks are apart are not. Allocates.
+/// Kinks of one order less, for those of these kinks whose times (s) positions with this noise (rad or m, per joint) tell to `within`, or, of joints that are `planned`, to
+/// a part of the time to their neighbours: what errors of their times add to a motion, to first order, which errors as long as the kinks are
+/// apart are not. Allocates.
 pub(super) fn movable(
     samples: &JointSamples<'_>,
     spacing: f64,
     kinks: &[(Kink, f64)],
+    planned: &[bool],
     noise: &[f64],
     within: f64,
 ) -> Vec<Kink> {
@@ -171,15 +173,25 @@ pub(super) fn movable(
     let mut out = Vec::new();
     for (j, sigma) in noise.iter().enumerate() {
         let own: Vec<(Kink, f64)> = kinks.iter().filter(|k| k.0.joint == j).copied().collect();
-        let lower = || own.iter().map(|(k, _)| k.by_time());
-        let both: Vec<Kink> = own.iter().map(|k| k.0).chain(lower()).collect();
+        let all: Vec<Kink> = own.iter().map(|k| k.0).collect();
+        let lowest: Vec<(Kink, f64)> = own.into_iter().filter(|k| !k.0.is_above_another(&all)).collect();
+        let lower = || lowest.iter().map(|(k, _)| k.by_time());
+        let both: Vec<Kink> = all.iter().copied().chain(lower()).collect();
         let none = nalgebra::DVector::zeros(basis.knots.count());
         let Ok(bent) = basis.bend(samples, j, &both, &none) else { continue };
-        let told = |i: usize| sigma * bent.variances[own.len() + i].sqrt() < within * own[i].1.abs();
+        let told = |i: usize| {
+            let apart = |(k, _): &(Kink, f64)| Some((k.time - lowest[i].0.time).abs()).filter(|apart| *apart > 0.0);
+            let next = lowest.iter().filter_map(apart).fold(f64::INFINITY, f64::min);
+            let within = if planned[j] { within.max(OF_A_GAP * next) } else { within };
+            sigma * bent.variances[all.len() + i].sqrt() < within * lowest[i].1.abs()
+        };
         out.extend(lower().enumerate().filter(|(i, _)| told(*i)).map(|(_, k)| k));
     }
     out
 }
+
+/// Part of the time from a knot of a plan to the next to which errors of its time are of first order.
+const OF_A_GAP: f64 = 0.1;
 
 /// What a spline is like.
 pub(super) struct Shape<'a> {
