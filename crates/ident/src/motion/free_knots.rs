@@ -131,9 +131,6 @@ impl Fit {
         }?;
         Some(Self { plan, knots: all, control, left })
     }
-}
-
-impl Fit {
     /// Gauss-Newton steps of the knots in the fit of a plan whose knots are one less multiple: `None` for one that is not told. Allocates.
     pub(super) fn steps(plan: Plan, knots: &[f64], samples: (&[f64], &[f64]), sigma: f64) -> Option<Vec<Option<f64>>> {
         let looser = Self::new(plan.looser(), knots, samples, sigma)?;

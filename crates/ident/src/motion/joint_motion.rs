@@ -59,13 +59,13 @@ pub(crate) fn motion_of(
     };
     let (spacing, from_rest) = (fit.fit.spacing, fit.fit.from_rest);
     let worth = weights.iter().zip(&fit.noise).map(|(w, s)| (w * s).powi(2)).sum();
-    let untold = untold(&fit.fit.motion, &fit.planned, &weights, fit.dt);
+    let untold = untold(&fit.fit.motion, fit.planned, &weights, fit.dt);
     let ends = LooseEnds::new(&times(record), at_ends(&fit), from_rest, worth).with_untold(untold);
     let moved = moved(record, &fit);
     let tied = fit.tied.clone();
     // A plan has no part that its knots bend.
-    let bends = !fit.planned.iter().all(|planned| *planned);
-    let bent = bends.then(|| Bent::of(&fit.fit.motion, &fit.noise, spacing, (record.samples(), fit.dt))).flatten();
+    let bent = || Bent::of(&fit.fit.motion, &fit.noise, spacing, (record.samples(), fit.dt));
+    let bent = if fit.planned { None } else { bent() };
     let noise = MotionNoise {
         moved,
         tied,
@@ -83,7 +83,7 @@ pub(crate) fn motion_of(
 /// How far apart knots are next to the ends (s): a plan is as loose there as its first and last pieces are short, however far apart its other knots are.
 fn at_ends(fit: &SpectralFit) -> f64 {
     let (spacing, end) = (fit.fit.spacing, fit.fit.motion.duration());
-    if !fit.planned.iter().all(|planned| *planned) {
+    if !fit.planned {
         return spacing;
     }
     let next = fit.fit.motion.kinks().map(|k| k.0.time.min(end - k.0.time)).fold(spacing, f64::min);
@@ -98,7 +98,7 @@ fn moved(record: &Record, fit: &SpectralFit) -> Vec<Kink> {
     }
     let (times, q) = (times(record), rows(record.q()));
     let positions = JointSamples { dof: record.joints(), times: &times, q: &q, qd: None, rate_weight: 0.0 };
-    let mut moved = movable(&positions, fit.fit.spacing, &kinks, &fit.planned, &fit.noise, TOLD * fit.dt);
+    let mut moved = movable(&positions, fit.fit.spacing, &kinks, fit.planned, &fit.noise, TOLD * fit.dt);
     moved.retain(|k| !fit.tied.iter().any(|t| t.0 == *k));
     moved
 }
@@ -193,11 +193,11 @@ impl MotionNoise {
             return Ok(None);
         }
         let knots = self.motion.spline().knots();
-        let mut of = |(k, size): &(Kink, f64)| {
+        let of = |(k, size): &(Kink, f64)| {
             let normal: f64 = StandardNormal.sample(rng);
             (Column::new(knots, *k), size * normal)
         };
-        let kinks = self.tied.iter().map(&mut of).collect();
+        let kinks = self.tied.iter().map(of).collect();
         let none = DMatrix::zeros(self.positions.len(), knots.count());
         Ok(Some(FittedMotion::new(knots.clone(), none, kinks, self.motion.ramp())?))
     }

@@ -32,9 +32,17 @@ impl Kink {
         Self { order: self.order - 1, ..*self }
     }
     /// Whether lower derivatives jump at its time too, of these kinks: they then say when that is.
-    pub(super) fn is_above_another(&self, kinks: &[Self]) -> bool {
+    fn is_above_another(&self, kinks: &[Self]) -> bool {
         kinks.iter().any(|k| k.joint == self.joint && k.time == self.time && k.order < self.order)
     }
+}
+
+/// Which of a joint's kinks tell the times, the lowest at each, and all kinks with what those change by with their times behind them. Allocates.
+pub(super) fn with_times(own: &[Kink]) -> (Vec<usize>, Vec<Kink>) {
+    let lowest: Vec<usize> = (0..own.len()).filter(|&i| !own[i].is_above_another(own)).collect();
+    let by_time = lowest.iter().map(|&i| own[i].by_time());
+    let both = own.iter().copied().chain(by_time).collect();
+    (lowest, both)
 }
 
 /// What a kink adds to a spline: see the page above.
@@ -252,15 +260,15 @@ const ABOUT: f64 = 0.75;
 const CLOSE: f64 = 10.0;
 
 /// Stretches of time (s) near kinks where the acceleration is not told: about a jump, and from one kink to another of the same joint that is
-/// close by, unless the joint is `planned`: its positions then tell both. `weights` are the torques that a unit acceleration of each joint takes, in
+/// close by, unless the motion is `planned`: positions then tell both. `weights` are the torques that a unit acceleration of each joint takes, in
 /// deviations of their sensors; `dt` is the time between samples (s). Allocates.
-pub(super) fn untold(motion: &FittedMotion, planned: &[bool], weights: &[f64], dt: f64) -> Vec<(f64, f64)> {
+pub(super) fn untold(motion: &FittedMotion, planned: bool, weights: &[f64], dt: f64) -> Vec<(f64, f64)> {
     let mut out = Vec::new();
-    for ((j, weight), planned) in weights.iter().enumerate().zip(planned) {
+    let close = if planned { 0.0 } else { CLOSE * dt };
+    for (j, weight) in weights.iter().enumerate() {
         let own = motion.kinks().filter(|k| k.0.joint == j && (k.0.order == 2 || !planned));
         let mut own: Vec<(Kink, f64)> = own.collect();
         own.sort_by(|a, b| a.0.time.total_cmp(&b.0.time));
-        let close = if *planned { 0.0 } else { CLOSE * dt };
         for group in own.chunk_by(|a, b| b.0.time - a.0.time < close) {
             let (first, last) = (group[0].0.time, group[group.len() - 1].0.time);
             // What the acceleration changes by while a kink of its rate lasts.

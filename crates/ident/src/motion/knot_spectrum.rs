@@ -10,7 +10,7 @@
 //! degree 7 needs some four knots per period there ([`KNOTS_PER_PERIOD`]), and no more. [`crate::motion::spline_fit::choose_knots`] knows no
 //! such end and, told too little noise, follows what there is down to 2.5 samples.
 
-use crate::motion::kink::Kink;
+use crate::motion::kink::{Kink, with_times};
 use crate::motion::kink_search::{Search, usual_noise};
 use crate::motion::knot_risk::{Candidate, JUDGED, best, biases, cost, quantum, variance_of};
 use crate::motion::spline_fit::{
@@ -66,8 +66,8 @@ pub struct SpectralFit {
     pub noise: Vec<f64>,
     /// Per joint, the step in which its positions are read (rad or m); 0 where they are not.
     pub steps: Vec<f64>,
-    /// Per joint, whether it moves in polynomials between its kinks, at the times of which they meet.
-    pub planned: Vec<bool>,
+    /// Whether all joints move in polynomials that meet at their kinks.
+    pub planned: bool,
     /// What errors of the times of kinks add that torques tell: kinks of one order less, and the deviation of the size of each.
     pub(crate) tied: Vec<(Kink, f64)>,
     /// Deviation of the positions over that of the rates (s); 0 when rates were not used.
@@ -177,7 +177,7 @@ pub fn fit_at_stake(
         None
     };
     let (bent, tied) = found.map_or((None, None), |(chosen, tied)| (Some(chosen), tied));
-    let (planned, tied) = (vec![tied.is_some(); n], tied.unwrap_or_default());
+    let (planned, tied) = (tied.is_some(), tied.unwrap_or_default());
     let Chosen { bands, floors, noise, rho, reason, candidate: fit, .. } = bent.unwrap_or_else(|| {
         // Where samples are too few for one more of its points, the spline that was judged stays.
         let fit = fit_with_kinks(samples, plain.spacing, &[], false);
@@ -217,26 +217,19 @@ fn planned(
     }
     let Some(kinks) = search.planned(plain.spacing)? else { return Ok(None) };
     let s = search.samples;
-    let most = (0..s.dof).map(|j| times_of(&kinks, j)).max().unwrap_or(0);
+    let times_of = |joint: usize| {
+        let own: Vec<Kink> = kinks.iter().filter(|k| k.joint == joint).copied().collect();
+        with_times(&own).0.len()
+    };
+    let most = (0..s.dof).map(times_of).max().unwrap_or(0);
     if most == 0 {
         return Ok(None);
     }
     let apart = s.times[s.times.len() - 1] / (most + 1) as f64;
     let spacing = apart.max(WIDER[0] * plain.spacing);
     let tied = tied(s, spacing, &kinks, (search.noise, &stake.weights), &stake.corners)?;
-    let smooth = search.without(spacing, &tied.kinks)?;
-    let left = JointSamples { q: &smooth.q, qd: smooth.qd.as_deref(), ..*s };
-    let level = match given {
-        Some(noise) => noise.to_vec(),
-        None => above_steps(&noise_of(&left)?, search.steps),
-    };
-    let next = chosen(&left, level, stake)?;
+    let next = beside(search, spacing, &tied.kinks, given, stake)?;
     Ok(Some((Chosen { spacing: spacing.min(COARSER * next.spacing), ..next }, tied)))
-}
-
-/// At how many times a joint has kinks.
-fn times_of(kinks: &[Kink], joint: usize) -> usize {
-    kinks.iter().filter(|k| k.joint == joint && !k.is_above_another(kinks)).count()
 }
 
 /// The knots of what kinks leave of the motion, and the kinks; `None` where there are none, or where knots cost as much without them.
@@ -260,14 +253,7 @@ fn kinked(
         for wider in WIDER {
             let spacing = wider * plain.spacing;
             let kinks = search.kinks(spacing, &known)?;
-            let smooth = search.without(spacing, &kinks)?;
-            let (q, qd) = (&smooth.q[..], smooth.qd.as_deref());
-            let left = JointSamples { q, qd, ..*search.samples };
-            let level = match given {
-                Some(noise) => noise.to_vec(),
-                None => above_steps(&noise_of(&left)?, search.steps),
-            };
-            let next = chosen(&left, level, stake)?;
+            let next = beside(search, spacing, &kinks, given, stake)?;
             let least = best.as_ref().map_or(plain.cost, |b| b.0.cost);
             if next.cost > plain.cost {
                 break;
@@ -281,6 +267,23 @@ fn kinked(
         }
     }
     Ok(best.filter(|b| b.0.cost < BETTER * plain.cost))
+}
+
+/// The knots of what is left of the motion without these kinks, of the sizes that they have beside a spline with knots `spacing` apart.
+fn beside(
+    search: &Search<'_>,
+    spacing: f64,
+    kinks: &[Kink],
+    given: Option<&[f64]>,
+    stake: &Stake,
+) -> Result<Chosen, KnotError> {
+    let smooth = search.without(spacing, kinks)?;
+    let left = JointSamples { q: &smooth.q, qd: smooth.qd.as_deref(), ..*search.samples };
+    let level = match given {
+        Some(noise) => noise.to_vec(),
+        None => above_steps(&noise_of(&left)?, search.steps),
+    };
+    chosen(&left, level, stake)
 }
 
 /// Knots, and what they were chosen by.

@@ -12,6 +12,7 @@
 //! taken out beside a few neighbours, in turn, by what the criterion gains.
 
 use crate::motion::free_knots::{Fit, Plan};
+use crate::motion::segments::longest;
 use core::ops::Range;
 
 /// What planners join: trapezoidal speed; limited jerk, and cubic polynomials with a continuous acceleration; cubic polynomials with a continuous
@@ -22,8 +23,6 @@ const PLANS: [Plan; 4] = [
     Plan { degree: 3, multiplicity: 2 },
     Plan { degree: 5, multiplicity: 3 },
 ];
-/// Deviations of a sum of squares from which a polynomial does not follow.
-const LEAVES: f64 = 4.0;
 /// Samples of a piece on average below which there are none, and how many pieces there are before that is asked.
 const SHORT: usize = 12;
 const FEW: usize = 8;
@@ -88,12 +87,6 @@ impl Positions<'_> {
         let begun = PLANS.into_iter().filter_map(|plan| Some((plan, self.begun(plan)?)));
         let mut begun: Vec<(Plan, Vec<f64>)> = begun.collect();
         begun.sort_by_key(|(plan, knots)| plan.parameters(knots.len()));
-        // Once more from instants that are told, of which those of other joints are taken out.
-        let (first, last) = (self.times[0], self.times[self.times.len() - 1]);
-        let mut told: Vec<f64> = self.told.iter().copied().filter(|t| first < *t && *t < last).collect();
-        told.dedup_by(|b, a| *b - *a < APART * self.dt());
-        let again: Vec<(Plan, Vec<f64>)> =
-            begun.iter().filter(|b| b.0.lowest() == 3 && !told.is_empty()).map(|b| (b.0, told.clone())).collect();
         let mut best: Option<Planned> = None;
         for (plan, knots) in begun {
             let free = |plan: Plan, knots: usize| self.times.len().saturating_sub(plan.parameters(knots)) as f64;
@@ -107,13 +100,23 @@ impl Positions<'_> {
                 best = Some(found);
             }
         }
-        for (plan, knots) in again {
-            let Some(most) = best.as_ref().filter(|b| b.plan == plan).map(|b| b.cost) else { continue };
-            if let Some(found) = self.settled(plan, knots, &|_| false).filter(|f| f.cost < most) {
-                best = Some(found);
-            }
+        // Once more from instants that are told, of which those of other joints are taken out.
+        let told = self.told_knots();
+        let bends = best.as_ref().filter(|b| b.plan.lowest() == 3 && !told.is_empty());
+        let found = bends.and_then(|b| self.settled(b.plan, told, &|_| false));
+        if let (Some(best), Some(found)) = (&mut best, found)
+            && found.cost < best.cost
+        {
+            *best = found;
         }
         best
+    }
+    /// A knot at every instant that is told.
+    fn told_knots(&self) -> Vec<f64> {
+        let (first, last) = (self.times[0], self.times[self.times.len() - 1]);
+        let mut told: Vec<f64> = self.told.iter().copied().filter(|t| first < *t && *t < last).collect();
+        told.dedup_by(|b, a| *b - *a < APART * self.dt());
+        told
     }
     fn criterion(&self, plan: Plan, knots: usize, left: f64) -> f64 {
         criterion(left, plan.parameters(knots), self.times.len())
@@ -126,18 +129,18 @@ impl Positions<'_> {
         let m = self.times.len();
         (self.times[m - 1] - self.times[0]) / (m - 1) as f64
     }
-    fn fit(&self, plan: Plan, knots: &[f64], samples: &Range<usize>) -> Option<Fit> {
-        Fit::new(plan, knots, (&self.times[samples.clone()], &self.q[samples.clone()]), self.sigma)
-    }
+    /// What a spline of these knots leaves of these samples.
     fn left(&self, plan: Plan, knots: &[f64], samples: &Range<usize>) -> Option<f64> {
-        self.fit(plan, knots, samples).map(|f| f.left)
+        let read = (&self.times[samples.clone()], &self.q[samples.clone()]);
+        Fit::new(plan, knots, read, self.sigma).map(|f| f.left)
     }
     /// Where pieces that do not meet end, each as long as a polynomial follows; `None` where they are too short to be any.
     fn begun(&self, plan: Plan) -> Option<Vec<f64>> {
         let mut ends = Vec::new();
         let mut from = 0;
         loop {
-            let to = self.longest(plan, from);
+            let all = from..self.times.len();
+            let to = longest(all, plan.degree + 3, plan.degree, |piece| self.left(plan, &[], &piece));
             if to >= self.times.len() {
                 return Some(ends);
             }
@@ -147,36 +150,6 @@ impl Positions<'_> {
             }
             from = to;
         }
-    }
-    /// One behind the last sample that a polynomial follows from sample `from` on.
-    fn longest(&self, plan: Plan, from: usize) -> usize {
-        let m = self.times.len();
-        let shortest = plan.degree + 3;
-        let follows = |to: usize| {
-            let free = ((to - from) as f64 - plan.degree as f64 - 1.0).max(1.0);
-            self.left(plan, &[], &(from..to)).is_some_and(|left| left < free + LEAVES * (2.0 * free).sqrt())
-        };
-        let (mut good, mut step) = ((from + shortest).min(m), shortest);
-        let mut bad = loop {
-            let next = (good + step).min(m);
-            if next == good {
-                return m;
-            }
-            if !follows(next) {
-                break next;
-            }
-            good = next;
-            step *= 2;
-        };
-        while bad - good > 1 {
-            let middle = usize::midpoint(good, bad);
-            if follows(middle) {
-                good = middle;
-            } else {
-                bad = middle;
-            }
-        }
-        good
     }
     /// Knots of a plan from these on; `None` where there are too many.
     fn settled(&self, plan: Plan, mut knots: Vec<f64>, too_many: &dyn Fn(usize) -> bool) -> Option<Planned> {
@@ -334,6 +307,7 @@ impl Positions<'_> {
         self.best(plan, knots, i..i + 1, core::iter::once(Vec::new()), -LOSES * self.price(plan))
     }
 }
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -44,6 +44,42 @@ fn in_order(kinks: &mut [Kink]) {
     kinks.sort_by(|a, b| a.time.total_cmp(&b.time));
 }
 
+/// One behind the last of these samples that a polynomial of this degree follows from the first on, `shortest` of them at least; `left` is the sum of squares that one leaves
+/// of a stretch, in that of the noise.
+pub(super) fn longest(
+    samples: Range<usize>,
+    shortest: usize,
+    degree: usize,
+    left: impl Fn(Range<usize>) -> Option<f64>,
+) -> usize {
+    let (from, m) = (samples.start, samples.end);
+    let follows = |to: usize| {
+        let free = ((to - from) as f64 - degree as f64 - 1.0).max(1.0);
+        left(from..to).is_some_and(|left| left < free + LEAVES * (2.0 * free).sqrt())
+    };
+    let (mut good, mut step) = ((from + shortest).min(m), shortest);
+    let mut bad = loop {
+        let next = (good + step).min(m);
+        if next == good {
+            return m;
+        }
+        if !follows(next) {
+            break next;
+        }
+        good = next;
+        step *= 2;
+    };
+    while bad - good > 1 {
+        let middle = usize::midpoint(good, bad);
+        if follows(middle) {
+            good = middle;
+        } else {
+            bad = middle;
+        }
+    }
+    good
+}
+
 /// What surrounds a kink: the samples from the one before its neighbour to the one behind the other, its neighbours, and the samples between these.
 struct Beside {
     range: Range<usize>,
@@ -202,33 +238,7 @@ impl Pieces<'_> {
     }
     /// One behind the last sample that a polynomial follows from sample `from` on.
     fn longest(&self, from: usize) -> usize {
-        let m = self.times.len();
-        let follows = |to: usize| {
-            let n = (to - from) as f64;
-            let free = (n - DEGREE as f64 - 1.0).max(1.0);
-            self.left(from..to, &[]).is_some_and(|left| left < free + LEAVES * (2.0 * free).sqrt())
-        };
-        let (mut good, mut step) = ((from + SHORTEST).min(m), SHORTEST);
-        let mut bad = loop {
-            let next = (good + step).min(m);
-            if !follows(next) {
-                break next;
-            }
-            if next == m {
-                return m;
-            }
-            good = next;
-            step *= 2;
-        };
-        while bad - good > 1 {
-            let middle = usize::midpoint(good, bad);
-            if follows(middle) {
-                good = middle;
-            } else {
-                bad = middle;
-            }
-        }
-        good
+        longest(from..self.times.len(), SHORTEST, DEGREE, |piece| self.left(piece, &[]))
     }
     /// The kink at one of the samples `within`, or between two, that leaves the least of a stretch, beside others.
     fn placed(&self, j: usize, range: Range<usize>, near: &[Kink], within: Range<usize>) -> Option<Kink> {

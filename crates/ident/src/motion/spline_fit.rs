@@ -6,7 +6,7 @@
 //! uniform clamped knots of degree 7: `min sum_k |N(t_k) P - q_k|^2 / s^2 + |N'(t_k) P - qd_k|^2 / s_d^2`.
 //! The normal matrix has bandwidth 7, so its Cholesky factorisation costs `O(k)`.
 
-use crate::motion::kink::{Column, FittedMotion, Kink};
+use crate::motion::kink::{Column, FittedMotion, Kink, with_times};
 use crate::motion::spline_basis::SplineBasis;
 use ff_dynamics::motion::bspline::BSplineError;
 use thiserror::Error;
@@ -158,14 +158,14 @@ pub(super) fn fit_of_degree(samples: &JointSamples<'_>, spacing: f64, degree: us
     fit_spacing(samples, spacing, &Shape { degree, from_rest: false, kinks: &[] })
 }
 
-/// Kinks of one order less, for those of these kinks whose times (s) positions with this noise (rad or m, per joint) tell to `within`, or, of joints that are `planned`, to
+/// Kinks of one order less, for those of these kinks whose times (s) positions with this noise (rad or m, per joint) tell to `within`, or, of a motion that is `planned`, to
 /// a part of the time to their neighbours: what errors of their times add to a motion, to first order, which errors as long as the kinks are
 /// apart are not. Allocates.
 pub(super) fn movable(
     samples: &JointSamples<'_>,
     spacing: f64,
     kinks: &[(Kink, f64)],
-    planned: &[bool],
+    planned: bool,
     noise: &[f64],
     within: f64,
 ) -> Vec<Kink> {
@@ -174,18 +174,17 @@ pub(super) fn movable(
     for (j, sigma) in noise.iter().enumerate() {
         let own: Vec<(Kink, f64)> = kinks.iter().filter(|k| k.0.joint == j).copied().collect();
         let all: Vec<Kink> = own.iter().map(|k| k.0).collect();
-        let lowest: Vec<(Kink, f64)> = own.into_iter().filter(|k| !k.0.is_above_another(&all)).collect();
-        let lower = || lowest.iter().map(|(k, _)| k.by_time());
-        let both: Vec<Kink> = all.iter().copied().chain(lower()).collect();
+        let (lowest, both) = with_times(&all);
         let none = nalgebra::DVector::zeros(basis.knots.count());
         let Ok(bent) = basis.bend(samples, j, &both, &none) else { continue };
         let told = |i: usize| {
-            let apart = |(k, _): &(Kink, f64)| Some((k.time - lowest[i].0.time).abs()).filter(|apart| *apart > 0.0);
-            let next = lowest.iter().filter_map(apart).fold(f64::INFINITY, f64::min);
-            let within = if planned[j] { within.max(OF_A_GAP * next) } else { within };
-            sigma * bent.variances[all.len() + i].sqrt() < within * lowest[i].1.abs()
+            let (kink, size) = own[lowest[i]];
+            let apart = all.iter().map(|k| (k.time - kink.time).abs()).filter(|apart| *apart > 0.0);
+            let next = apart.fold(f64::INFINITY, f64::min);
+            let within = if planned { within.max(OF_A_GAP * next) } else { within };
+            sigma * bent.variances[all.len() + i].sqrt() < within * size.abs()
         };
-        out.extend(lower().enumerate().filter(|(i, _)| told(*i)).map(|(_, k)| k));
+        out.extend((0..lowest.len()).filter(|i| told(*i)).map(|i| both[all.len() + i]));
     }
     out
 }

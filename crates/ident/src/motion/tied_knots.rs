@@ -10,7 +10,7 @@
 //! Where both are of one instant, the mean with weights `s^-2` is taken. Torques may all be late: the middle difference is taken off them. `SHARP` is the one of a
 //! few factors at which the differences are likeliest.
 
-use crate::motion::kink::Kink;
+use crate::motion::kink::{Kink, with_times};
 use crate::motion::spline_basis::SplineBasis;
 use crate::motion::spline_fit::{DEGREE, FitError, JointSamples, spans};
 use crate::motion::torque_corners::Corner;
@@ -55,14 +55,16 @@ pub(super) fn tied(
     (noise, weights): (&[f64], &[f64]),
     corners: &[Corner],
 ) -> Result<Tied, FitError> {
+    let mut out = Tied { kinks: kinks.to_vec(), errors: Vec::new() };
+    if !kinks.iter().any(is_bend) || !corners.iter().any(|c| c.order == 3) {
+        return Ok(out);
+    }
     let basis = SplineBasis::new(s, spans(s, WIDER * spacing), DEGREE, false)?;
     let smooth = basis.smooth(s);
     let mut knots = Vec::new();
     for j in 0..s.dof {
         let own: Vec<Kink> = kinks.iter().filter(|k| k.joint == j).copied().collect();
-        let lowest: Vec<usize> = (0..own.len()).filter(|&i| !own[i].is_above_another(&own)).collect();
-        let lower = lowest.iter().map(|&i| own[i].by_time());
-        let both: Vec<Kink> = own.iter().copied().chain(lower).collect();
+        let (lowest, both) = with_times(&own);
         // Times that positions do not tell one by one stay.
         let Ok(bent) = basis.bend(s, j, &both, &smooth.row(j).transpose()) else { continue };
         knots.extend(lowest.iter().enumerate().map(|(i, &k)| {
@@ -75,7 +77,6 @@ pub(super) fn tied(
     let late = late(&knots, corners, dt);
     let corners: Vec<Option<f64>> = knots.iter().map(|k| nearest(&knots, k, corners, late, dt)).collect();
     let sharp = sharp(&knots, &corners);
-    let mut out = Tied { kinks: kinks.to_vec(), errors: Vec::new() };
     for (knot, corner) in knots.iter().zip(corners) {
         let of_torques = sharp / knot.bends;
         let alike = |c: &f64| (c - knot.kink.time).abs() < ALIKE * knot.sigma.hypot(of_torques);
@@ -105,9 +106,14 @@ fn sharp(knots: &[Knot], corners: &[Option<f64>]) -> f64 {
     SHARP.into_iter().min_by(|a, b| unlikely(*a).total_cmp(&unlikely(*b))).unwrap_or(SHARP[SHARP.len() / 2])
 }
 
+/// Whether torques bend at a kink, if no other is below it.
+fn is_bend(kink: &Kink) -> bool {
+    kink.order == 3
+}
+
 /// The bend next to a knot that is of no other.
 fn nearest(knots: &[Knot], knot: &Knot, corners: &[Corner], late: f64, dt: f64) -> Option<f64> {
-    if knot.kink.order != 3 {
+    if !is_bend(&knot.kink) {
         return None;
     }
     let shared = |k: &Knot| {
