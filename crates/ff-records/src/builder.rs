@@ -451,6 +451,7 @@ impl RecordBuilder {
             fixed_base: self.fixed_base,
             grid: own_motion.then_some(grid.samples),
             uncounted: Vec::new(),
+            averaging: None,
             bases,
         })
     }

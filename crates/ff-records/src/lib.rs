@@ -11,6 +11,7 @@
 //! | [`time_base`] | groups of channels with sample times of their own |
 //! | [`file`](mod@file) | CSV with units, Parquet and bags of ROS (features `parquet`, `mcap`, `rosbag`) |
 
+mod averaged;
 pub mod builder;
 mod carried;
 mod checks;
@@ -28,6 +29,7 @@ pub mod time_base;
 mod time_checks;
 mod uniform;
 
+pub use averaged::{Averaging, Means};
 pub use builder::RecordBuilder;
 pub use carried::{Carried, WRENCH};
 pub use content::Content;

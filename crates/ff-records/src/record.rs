@@ -8,12 +8,14 @@
 //! number being finite and every length being right. Matrices are N x channels, so that one channel is one
 //! contiguous column.
 
+use crate::averaged::Averaging;
 use crate::carried::Carried;
 use crate::resample::{TimeBaseError, on_grid};
 use crate::time_base::{ChannelGroup, TimeBases};
 use core::ops::Range;
 use ff_model::{Area, Problem, Problems};
 use nalgebra::DMatrix;
+use std::sync::Arc;
 
 /// N uniform samples, and channels sampled on them or at times of their own. Rows are samples, columns are channels.
 ///
@@ -49,6 +51,8 @@ pub struct Record {
     pub(crate) grid: Option<usize>,
     /// Stretches of time (s, on the clock of the recorder) in which readings do not count.
     pub(crate) uncounted: Vec<(f64, f64)>,
+    /// How torques and base rates were averaged.
+    pub(crate) averaging: Option<Arc<Averaging>>,
 }
 
 /// Values of a group at its times (s) brought to instants that are an interval (s) apart, so many of them.
@@ -141,6 +145,7 @@ impl Record {
             bases: TimeBases::default(),
             grid: None,
             uncounted: self.uncounted.clone(),
+            averaging: self.averaging.clone(),
             joint_names: self.joint_names.clone(),
             ..*self
         })
@@ -395,6 +400,7 @@ impl Record {
             bases,
             grid: stamped.then_some(intervals as usize + 1),
             uncounted: self.uncounted.clone(),
+            averaging: self.averaging.clone(),
         })
     }
     fn too_few(&self, group: ChannelGroup, got: usize) -> Problems {
@@ -422,6 +428,7 @@ impl Record {
             bases: self.bases.clone(),
             grid: self.grid,
             uncounted: self.uncounted.clone(),
+            averaging: self.averaging.clone(),
         }
     }
     /// Checks that the joints are those of a model, in its order (bad-inputs row D37).

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // helpers outside #[test] may panic too
 
 mod any_bytes;
+mod band;
 mod case;
 mod check;
 mod common;

@@ -58,7 +58,7 @@ pub(crate) fn simulated(dir: &Path, seed: u64, change: impl Fn(&str) -> String) 
 }
 
 /// `clean.csv` of the robot of `truth.toml` along `motion.csv`.
-fn flown(dir: &Path) {
+pub(crate) fn flown(dir: &Path) {
     let args = [
         "simulate",
         "truth.toml",

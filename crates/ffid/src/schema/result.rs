@@ -92,6 +92,7 @@ const EVIDENCE: &[Key] = &[
         OneOf(&["explained", "contradicted", "not-tested"]),
         "what it would come to with the first error estimated",
     ),
+    key("below_hz", Number, "frequency (Hz) below which alone torques and base rates were compared"),
     key("named", Tables(NAMED), "errors that the record speaks for: those that explain it together, then others alone"),
     key("columns", Texts, "units, axes and signs of the record that may be why it is not explained"),
 ];

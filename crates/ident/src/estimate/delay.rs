@@ -29,17 +29,61 @@ pub(crate) struct OutputOperator {
     shift: f64,
     /// What is added to that for each channel; empty where all are alike.
     lags: Vec<f64>,
+    /// Readings that are means over time.
+    means: Option<Means>,
 }
 
-/// First sample of the grid, weights, and their derivatives with respect to the delay (1/s).
-type Stencil = (usize, [f64; N], [f64; N]);
+/// What a mean is made of: an odd number of weights, about its instant.
+#[derive(Clone, Debug, PartialEq)]
+struct Means {
+    weights: Arc<[f64]>,
+    /// How far apart what they weigh is, over `dt`.
+    spacing: f64,
+}
+
+impl Means {
+    /// How far it reaches to either side.
+    fn reach(&self) -> f64 {
+        (self.weights.len() / 2) as f64 * self.spacing
+    }
+}
+
+/// First sample of the grid, weights of it and those behind, and their derivatives with respect to the delay (1/s).
+struct Stencil {
+    first: usize,
+    weights: Parts,
+    slopes: Parts,
+}
+
+/// Weights of one instant, or of a mean.
+enum Parts {
+    Instant([f64; N]),
+    Mean(Vec<f64>),
+}
+
+impl core::ops::Deref for Parts {
+    type Target = [f64];
+    fn deref(&self) -> &[f64] {
+        match self {
+            Self::Instant(parts) => parts,
+            Self::Mean(parts) => parts,
+        }
+    }
+}
 
 impl OutputOperator {
     /// For a grid of `grid` samples (at least six) at `dt`, and readings at `times` since its first (s), or on it, that are late by
     /// `delay_s`; `None` when that is no shorter than the grid.
     pub(crate) fn new(grid: usize, dt: f64, times: Option<Arc<[f64]>>, delay_s: f64) -> Option<Self> {
         let shift = delay_s / dt;
-        (grid >= N && shift.abs() < grid as f64).then_some(Self { grid, dt, times, shift, lags: Vec::new() })
+        (grid >= N && shift.abs() < grid as f64).then_some(Self {
+            grid,
+            dt,
+            times,
+            shift,
+            lags: Vec::new(),
+            means: None,
+        })
     }
     /// With channels that are later than that by lags of their own (s), none for channels that are alike; `None` when one is no shorter than the grid.
     pub(crate) fn with_lags(mut self, lags: &[f64]) -> Option<Self> {
@@ -47,12 +91,31 @@ impl OutputOperator {
         let fits = |lag: &f64| (self.shift + lag).abs() < self.grid as f64;
         self.lags.iter().all(fits).then_some(self)
     }
-    /// Where reading `i` looks at the grid with this lag, in samples, and where the polynomial is taken for it.
-    fn position(&self, i: usize, lag: f64) -> (f64, f64) {
+    /// Of readings that were averaged, if they were.
+    pub(crate) fn of_means(self, means: Option<&ff_records::Means>) -> Self {
+        match means {
+            Some(means) => self.with_means(Arc::clone(means.weights()), means.spacing()),
+            None => self,
+        }
+    }
+    /// Of readings that are means with these weights, an odd number of them about the instant, of what is `spacing_s` (s) apart.
+    fn with_means(self, weights: Arc<[f64]>, spacing_s: f64) -> Self {
+        let spacing = spacing_s / self.dt;
+        Self { means: Some(Means { weights, spacing }), ..self }
+    }
+    /// How far a reading reaches to either side, in samples.
+    fn reach(&self) -> f64 {
+        self.means.as_ref().map_or(0.0, Means::reach)
+    }
+    /// Where reading `i` looks at the grid with this lag, in samples.
+    fn instant(&self, i: usize, lag: f64) -> f64 {
+        self.times.as_ref().map_or(i as f64, |t| t[i] / self.dt) - self.shift - lag
+    }
+    /// Where the polynomial is taken for an instant.
+    fn held(&self, at: f64) -> f64 {
         // Beyond the ends the polynomial of the last six samples serves for a little; then it would run away, and is held.
         let last = (self.grid - 1) as f64;
-        let at = self.times.as_ref().map_or(i as f64, |t| t[i] / self.dt) - self.shift - lag;
-        (at, at.clamp(-BEYOND, last + BEYOND))
+        at.clamp(-BEYOND, last + BEYOND)
     }
     /// The largest and the smallest lag.
     fn latest(&self) -> f64 {
@@ -61,18 +124,17 @@ impl OutputOperator {
     fn earliest(&self) -> f64 {
         self.lags.iter().copied().reduce(f64::min).unwrap_or(0.0)
     }
-    /// First of the six samples of the grid that a channel with this lag needs for reading `i`. Ascends with `i`.
-    fn first_with(&self, i: usize, lag: f64) -> usize {
-        let (_, x) = self.position(i, lag);
-        (x.floor().max(0.0) as usize).saturating_sub(N / 2 - 1).min(self.grid - N)
+    /// First of the six samples of the grid that are taken for an instant. Ascends with it.
+    fn first_about(&self, at: f64) -> usize {
+        (self.held(at).floor().max(0.0) as usize).saturating_sub(N / 2 - 1).min(self.grid - N)
     }
     /// First sample of the grid that reading `i` needs. Ascends with `i`.
     pub(crate) fn first(&self, i: usize) -> usize {
-        self.first_with(i, self.latest())
+        self.first_about(self.instant(i, self.latest()) - self.reach())
     }
     /// The sample of the grid behind those that reading `i` needs.
     pub(crate) fn end(&self, i: usize) -> usize {
-        self.first_with(i, self.earliest()) + N
+        self.first_about(self.instant(i, self.earliest()) + self.reach()) + N
     }
     /// The stencils of readings, one after the other, and how many each has: one for every channel, or one for all that are alike.
     fn stencils(&self, readings: Range<usize>) -> (Vec<Stencil>, usize) {
@@ -81,9 +143,29 @@ impl OutputOperator {
     }
     /// That of a channel, of which the first stands for all that are alike.
     fn stencil(&self, i: usize, channel: usize) -> Stencil {
-        let lag = self.lags.get(channel).copied().unwrap_or(0.0);
-        let (at, x) = self.position(i, lag);
-        let first = self.first_with(i, lag);
+        let at = self.instant(i, self.lags.get(channel).copied().unwrap_or(0.0));
+        let Some(Means { weights, spacing }) = &self.means else {
+            let (first, w, dw) = self.about(at);
+            return Stencil { first, weights: Parts::Instant(w), slopes: Parts::Instant(dw) };
+        };
+        let reach = self.reach();
+        let first = self.first_about(at - reach);
+        let count = self.first_about(at + reach) + N - first;
+        let (mut all, mut slopes) = (vec![0.0; count], vec![0.0; count]);
+        for (k, weight) in weights.iter().enumerate() {
+            let (own, w, dw) = self.about(at - reach + k as f64 * spacing);
+            // Rounding may put the last of them a sample farther than the sum of all spacings does.
+            let from = (own - first).min(count - N);
+            for j in 0..N {
+                all[from + j] += weight * w[j];
+                slopes[from + j] += weight * dw[j];
+            }
+        }
+        Stencil { first, weights: Parts::Mean(all), slopes: Parts::Mean(slopes) }
+    }
+    /// The first of six samples, their weights for an instant, and the derivatives of these.
+    fn about(&self, at: f64) -> (usize, [f64; N], [f64; N]) {
+        let (x, first) = (self.held(at), self.first_about(at));
         let u = x - first as f64;
         let (mut w, mut dw) = ([0.0; N], [0.0; N]);
         for k in 0..N {
@@ -97,33 +179,33 @@ impl OutputOperator {
         }
         (first, w, dw)
     }
-    /// The first sample of the grid that reading `i` is made of, and the parts of it and those behind.
+    /// The first sample of the grid that the instant of reading `i` is made of, and the parts of it and those behind.
     pub(crate) fn parts(&self, i: usize) -> (usize, [f64; N]) {
-        let (first, parts, _) = self.stencil(i, 0);
+        let (first, parts, _) = self.about(self.instant(i, self.lags.first().copied().unwrap_or(0.0)));
         (first, parts)
     }
     /// Values of the columns of `y` (grid x channels, of which row 0 is sample `from` of the grid) for the readings. Allocates.
     pub(crate) fn of(&self, y: &DMatrix<f64>, from: usize, readings: Range<usize>) -> DMatrix<f64> {
-        self.weighted(y, from, readings, |(_, w, _)| w)
+        self.weighted(y, from, readings, |s| &s.weights)
     }
     /// Derivative of [`OutputOperator::of`] with respect to the delay (unit of y per s). Allocates.
     pub(crate) fn slope(&self, y: &DMatrix<f64>, from: usize, readings: Range<usize>) -> DMatrix<f64> {
-        self.weighted(y, from, readings, |(_, _, dw)| dw)
+        self.weighted(y, from, readings, |s| &s.slopes)
     }
     fn weighted(
         &self,
         y: &DMatrix<f64>,
         from: usize,
         readings: Range<usize>,
-        pick: impl Fn(&Stencil) -> &[f64; N],
+        pick: impl Fn(&Stencil) -> &[f64],
     ) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(readings.len(), y.ncols());
         let (stencils, each) = self.stencils(readings);
         for (row, own) in stencils.chunks_exact(each).enumerate() {
             for c in 0..y.ncols() {
                 let stencil = &own[c.min(each - 1)];
-                let (first, w) = (stencil.0 - from, pick(stencil));
-                out[(row, c)] = (0..N).map(|k| w[k] * y[(first + k, c)]).sum();
+                let first = stencil.first - from;
+                out[(row, c)] = pick(stencil).iter().enumerate().map(|(k, w)| w * y[(first + k, c)]).sum();
             }
         }
         out
@@ -141,8 +223,9 @@ impl OutputOperator {
         for (mut out, d) in out.column_iter_mut().zip(d.column_iter()) {
             for (i, own) in stencils.chunks_exact(each).enumerate() {
                 for c in 0..channels {
-                    let (first, w, _) = &own[c.min(each - 1)];
-                    out[channels * i + c] = (0..N).map(|k| w[k] * d[channels * (first - from + k) + c]).sum();
+                    let Stencil { first, weights, .. } = &own[c.min(each - 1)];
+                    let parts = weights.iter().enumerate();
+                    out[channels * i + c] = parts.map(|(k, w)| w * d[channels * (first - from + k) + c]).sum();
                 }
             }
         }
@@ -248,6 +331,33 @@ mod tests {
             assert!(all.clone().all(|i| both.first(i) <= own.first(i) && own.end(i) <= both.end(i)));
         }
         assert!(with(&[0.0, 0.81], 0.0).is_none());
+    }
+
+    /// A mean is the sum of its parts, each read at its own instant.
+    #[test]
+    fn means_are_sums_of_readings() {
+        let (y, weights) = (sampled(0.0), [0.07, 0.21, 0.4, 0.19, 0.13]);
+        let times: Arc<[f64]> = (0..20).map(|i| 0.11 + 0.029 * f64::from(i)).collect();
+        let at = |d: f64| OutputOperator::new(80, DT, Some(Arc::clone(&times)), d).unwrap();
+        let lags = [0.0021, -0.0058];
+        let (spacing, all) = (0.017, 0..20);
+        let mean = at(0.0034).with_means(weights.into(), spacing).with_lags(&lags).unwrap();
+        let sum = |of: &dyn Fn(&OutputOperator) -> DMatrix<f64>| {
+            let parts = weights.iter().enumerate();
+            parts.fold(DMatrix::zeros(20, 2), |sum: DMatrix<f64>, (k, w)| {
+                sum + *w * of(&at(0.0034 - (k as f64 - 2.0) * spacing).with_lags(&lags).unwrap())
+            })
+        };
+        assert_relative_eq!(mean.of(&y, 0, all.clone()), sum(&|o| o.of(&y, 0, 0..20)), epsilon = scaled(1e-12));
+        assert_relative_eq!(mean.slope(&y, 0, all.clone()), sum(&|o| o.slope(&y, 0, 0..20)), epsilon = scaled(1e-9));
+        let stacked = DMatrix::from_fn(160, 1, |k, _| y[(k / 2, k % 2)]);
+        let (rows, whole) = (mean.of_rows(&stacked, 2, 0, all.clone()), mean.of(&y, 0, all.clone()));
+        assert!((0..40).all(|k| rows[k] == whole[(k / 2, k % 2)]));
+        // A window is enough for means, too.
+        let (from, end) = (mean.first(5), mean.end(11));
+        assert!(from > 0 && end < 80);
+        let window = y.rows(from, end - from).into_owned();
+        assert_eq!(mean.of(&window, from, 5..12), whole.rows(5, 7));
     }
 
     #[test]

@@ -198,6 +198,11 @@ impl<'a> OutputError<'a> {
     pub fn kink_times(&self) -> Vec<f64> {
         self.tables.noise.as_ref().map(MotionNoise::kink_times).unwrap_or_default()
     }
+    /// Frequency (Hz) at which what positions tell of the acceleration of some joint is as loud as the noise of the torques: above, torques say how it moves.
+    /// `None` where no motion was fitted to positions.
+    pub fn told_hz(&self) -> Option<f64> {
+        self.tables.noise.as_ref().and_then(MotionNoise::told_hz)
+    }
     /// Integration steps per sample.
     pub fn steps(&self) -> usize {
         self.rows.options.substeps
@@ -351,7 +356,8 @@ impl Estimator for OutputError<'_> {
     fn beginning(&self, share: f64) -> Option<Coarse<'_>> {
         let OutputRows { model, record, options, kinematics, initial, grid, .. } = &self.rows;
         let samples = (share * grid.0 as f64) as usize;
-        if *grid != (record.samples(), record.dt()) || samples < BEGINNING || samples > grid.0 {
+        let cut = record.averaging().is_some() || *grid != (record.samples(), record.dt());
+        if cut || samples < BEGINNING || samples > grid.0 {
             return None;
         }
         // Readings at times of their own are those up to the last sample of the grid that is left.

@@ -117,8 +117,10 @@ impl<'a> OutputRows<'a> {
         let (disturbing, of_sensors) = options.errors.iter().partition(|e| of_motion(e));
         let errors = SensorErrors::new(of_sensors, &options.near_rest, &record, motion);
         let mut not_counted = [errors.at_rest(), Vec::new()];
-        let of_channel = |j: usize| options.channel_noise.get(j).copied().unwrap_or(options.noise.torque).recip();
-        let inverse = [(0..model.nj()).map(of_channel).collect(), vec![1.0 / options.noise.gyro; 3]];
+        let less = GROUPS.map(|g| record.averaging().map_or(1.0, |a| a.of(g).noise_gain()));
+        let of_channel = |j: usize| options.channel_noise.get(j).copied().unwrap_or(options.noise.torque);
+        let torques = (0..model.nj()).map(|j| (less[0] * of_channel(j)).recip());
+        let inverse = [torques.collect(), vec![1.0 / (less[1] * options.noise.gyro); 3]];
         let grid = (record.samples(), record.dt());
         let mut loose = [Vec::new(), Vec::new()];
         for g in 0..2 {
@@ -358,7 +360,7 @@ impl<'a> OutputRows<'a> {
             let d = d.unwrap_or(0.0);
             let lags = self.errors.lags(self.errors_of(extra), group, self.channels()[group]);
             let operator = OutputOperator::new(samples, dt, times, d).and_then(|o| o.with_lags(&lags));
-            operator.map(Some).ok_or_else(|| {
+            operator.map(|o| Some(o.of_means(self.record.averaging().map(|a| a.of(GROUPS[group]))))).ok_or_else(|| {
                 let late = lags.iter().fold(0.0, |a: f64, b| if b.abs() > a.abs() { *b } else { a });
                 EvalError::Rejected(format!("{} delay of {} s exceeds the record", GROUPS[group].name(), d + late))
             })

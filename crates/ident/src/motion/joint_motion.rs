@@ -71,6 +71,7 @@ pub(crate) fn motion_of(
         tied,
         bent: bent.map(Arc::new),
         spacing,
+        told_hz: told(&weights, &fit.noise),
         positions: fit.noise,
         steps: fit.steps,
         motion: Arc::new(fit.fit.motion.clone()),
@@ -78,6 +79,13 @@ pub(crate) fn motion_of(
         ends,
     };
     Ok((Box::new(fit.fit.motion), Some(noise)))
+}
+
+/// See [`MotionNoise::told_hz`].
+fn told(weights: &[f64], noise: &[f64]) -> Option<f64> {
+    let worth = weights.iter().zip(noise).map(|(w, s)| w * s).reduce(f64::max)?;
+    let hz = worth.recip().sqrt() / core::f64::consts::TAU;
+    hz.is_finite().then_some(hz)
 }
 
 /// How far apart knots are next to the ends (s): a plan is as loose there as its first and last pieces are short, however far apart its other knots are.
@@ -111,6 +119,8 @@ const TOLD: f64 = 0.25;
 pub(crate) struct MotionNoise {
     /// Of the knots (s).
     spacing: f64,
+    /// See [`MotionNoise::told_hz`].
+    told_hz: Option<f64>,
     /// Standard deviations of the positions (rad or m).
     positions: Vec<f64>,
     /// Steps in which they are read (rad or m); 0 for none.
@@ -132,6 +142,11 @@ impl MotionNoise {
     /// How far the knots of the motion are apart (s).
     pub(crate) fn spacing(&self) -> f64 {
         self.spacing
+    }
+    /// Frequency (Hz) at which noise of the positions, as acceleration of the joint where that is worth most, is as loud as that of the torques: `(2 pi f)^2 w q = 1`
+    /// with the deviations `w` of the torques an acceleration is worth and the noise `q` of a position. `None` where torques were not asked.
+    pub(crate) fn told_hz(&self) -> Option<f64> {
+        self.told_hz
     }
     /// A spline on the knots of the motion, held at rest at the first sample where that is, through other readings of one joint, `dt` (s) apart: both let the
     /// same through. Allocates.
@@ -348,6 +363,7 @@ mod tests {
         let s = JointSamples { dof: 1, times: &times, q: &q, qd: None, rate_weight: 0.0 };
         let fit = choose_knots(&s, Some(&[1e-9])).unwrap();
         MotionNoise {
+            told_hz: None,
             spacing: 0.1,
             positions: vec![step / 12f64.sqrt()],
             steps: vec![step],

@@ -14,8 +14,8 @@
 
 use crate::motion::kink_search::usual_noise;
 use crate::motion::spline_fit::{JointSamples, is_even};
-use ff_records::Record;
 use ff_records::time_base::ChannelGroup;
+use ff_records::{Averaging, Record};
 use nalgebra::{DMatrix, DVector};
 
 /// Where torques have a corner.
@@ -42,8 +42,9 @@ const EVERY: usize = 8;
 
 /// Corners of the torques of a record, whose missing readings are taken to lie on the line between their neighbours. Allocates.
 pub(crate) fn corners_of(record: &Record, sigma: f64) -> Vec<Corner> {
-    let (tau, dt) = (record.tau(), record.dt());
-    let Some(times) = record.times(ChannelGroup::Torque).filter(|t| t.len() > 1) else {
+    let own = || (record.tau(), record.times(ChannelGroup::Torque));
+    let ((tau, times), dt) = (record.averaging().map_or_else(own, Averaging::torques), record.dt());
+    let Some(times) = times.filter(|t| t.len() > 1) else {
         return torque_corners(tau, dt, sigma);
     };
     // Readings of a slower clock have none in between.

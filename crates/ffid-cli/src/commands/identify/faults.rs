@@ -66,6 +66,10 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args, before: &Problems) -
         add(Problem::warning(Area::Data, "Fit::MultipleMinima", what), &hint);
     }
     let of_motion = [
+        (
+            "Fit::Band",
+            "measure positions finer, or record rates and accelerations, to have more compared; else there is nothing to do",
+        ),
         ("Fit::MotionNoise", "move the joints so that these modes ring, or measure positions finer"),
         (
             "Data::Kinks",
@@ -73,7 +77,7 @@ pub(crate) fn faults(r: &IdentificationResult, args: &Args, before: &Problems) -
         ),
     ];
     for (code, hint) in of_motion {
-        if let Some(w) = r.warnings.iter().find(|w| w.code == code) {
+        for w in r.warnings.iter().filter(|w| w.code == code) {
             add(Problem::warning(Area::Data, code, w.message.clone()), hint);
         }
     }

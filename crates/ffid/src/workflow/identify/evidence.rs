@@ -64,6 +64,9 @@ pub struct Evidence {
     /// What the record would say of the model with the first of the errors below estimated: absent where that was not fitted.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub with_first: Option<State>,
+    /// Frequency (Hz) below which alone torques and base rates were compared; absent where all of them were.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub below_hz: Option<f64>,
     /// Errors that the record speaks for: first those that explain it together, then others that would explain part of it alone.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub named: Vec<NamedError>,

@@ -265,7 +265,7 @@ pub(super) fn in_words(words: &str, size: &[ErrorSize]) -> String {
 }
 
 /// Part of what is left over that an error must account for to be said to explain it.
-const MOST: f64 = 0.8;
+pub(super) const MOST: f64 = 0.8;
 
 /// Whether an error can be as large as that. What is beyond stands for something else, which no linearisation tells: a gain of several hundred
 /// percent, an angle beyond half a turn, a clock off by a tenth, a mass below zero.

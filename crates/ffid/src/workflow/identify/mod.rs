@@ -9,6 +9,7 @@
 //!   ends, lost            whether the end of a fit explains the record, and what it has lost on its way
 //!   elsewhere, valleys    other starts where the fit ended in a wrong valley, minima beside its end
 //!   places                readings beside kinks of the motion that alone contradict the end
+//!   band                  records whose joints move as their encoders do not tell, compared where they do
 //!   orders                springs of an appendage in the wrong order, where tests contradict the end
 //!   bends                 valleys that are no parabola within the deviations
 //!   known                 reduction, structural and unexcited directions, profiles of the likelihood, whiteness
@@ -25,6 +26,7 @@
 pub(crate) mod adoption;
 mod assembly;
 pub mod axes;
+mod band;
 pub(crate) mod bandwidth;
 mod bends;
 pub(crate) mod checked;

@@ -81,7 +81,9 @@ fn noise_floor(records: &[LabelledRecord], sigma: &[f64]) -> f64 {
                 continue;
             }
             let samples = layout.samples(k) as f64;
-            sum += samples * above_stated(data.column(column).as_view(), *sigma);
+            // Differences of means are of what they follow.
+            let averaged = t.record.averaging().is_some();
+            sum += samples * if averaged { 1.0 } else { above_stated(data.column(column).as_view(), *sigma) };
             rows += samples;
         }
     }

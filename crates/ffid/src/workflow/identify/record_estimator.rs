@@ -10,7 +10,7 @@ use super::uncertain::UncertainItems;
 use crate::modes::held;
 use crate::workflow::preflight::step;
 use ff_model::{Area, BaseKind, Model, Params, Problem, Problems};
-use ff_records::Record;
+use ff_records::{ChannelGroup, Record};
 use ident::Estimator;
 use ident::SetupError;
 use ident::uncertain::ErrorSource;
@@ -116,13 +116,20 @@ impl<'a> RecordEstimator<'a> {
     }
     /// Standard deviation of every channel of a sample, in the order of the residuals.
     pub fn sigmas(&self, model: &Model) -> Vec<f64> {
-        match self.method {
+        let mut out = match self.method {
             Method::OutputError if !self.channel_noise.is_empty() => {
                 self.channel_noise.iter().copied().chain([self.noise.gyro; 3]).collect()
             }
             Method::OutputError => sigmas(model, &self.noise),
             _ => vec![self.noise.torque; model.nj()],
+        };
+        // Means have less.
+        if let Some(averaging) = self.record.1.averaging() {
+            let joints = model.nj();
+            let group = |k: usize| if k < joints { ChannelGroup::Torque } else { ChannelGroup::Gyro };
+            out.iter_mut().enumerate().for_each(|(k, sigma)| *sigma *= averaging.of(group(k)).noise_gain());
         }
+        out
     }
 }
 
@@ -166,6 +173,10 @@ impl<'a> Twin<'a> {
     /// When kinks of its motion are ([`OutputError::kink_times`]).
     pub(super) fn kink_times(&self) -> Vec<f64> {
         self.of.as_ref().map(OutputError::kink_times).unwrap_or_default()
+    }
+    /// Up to where its positions tell accelerations ([`OutputError::told_hz`]).
+    pub(super) fn told_hz(&self) -> Option<f64> {
+        self.of.as_ref()?.told_hz()
     }
     /// What draws of the encoders' noise do to the residuals at these parameters, a column each; none where nothing is predicted there, or no motion was
     /// fitted.

@@ -1,6 +1,7 @@
 //! One identification: unknowns, fit, reduction, identifiability, profiles, result.
 
 use super::assembly::{Assembled, Assembly, Setup};
+use super::band::{self, Band};
 use super::bends::{self, Followed};
 use super::compliances::allow_for_compliances;
 use super::consider::{self, Side};
@@ -28,6 +29,7 @@ use super::places::Places;
 use super::refit::Contradicted;
 use super::report::Report;
 use super::result::fit::{Ended as EndOfFit, Method};
+use super::result::identification::IdentificationResult;
 use super::result::provenance::Provenance;
 use super::ringing;
 use super::settings::{Settings, check, method};
@@ -203,17 +205,35 @@ fn identify_from(
         // Sums over lags may come out below zero, and then say nothing.
         p.std_coloured = coloured.iter().find(|(name, std)| *name == p.name && *std > 0.0).map(|c| c.1);
     }
+    let of_model = (model, settings);
+    let in_band = |band: Band, result: &IdentificationResult| {
+        let (known, begun) = (result.provenance.clone(), Some(&fitted.estimate));
+        let mut slow = identify_from(begun, opened, &band.records, given.0, given.1, known, watch)?;
+        band.say(&mut slow.result);
+        Ok::<_, IdentifyError>(slow)
+    };
     let contradicted = result.state() == State::Contradicted && ended_well && own.is_none() && goes_on();
-    if contradicted && begun.is_none() && options.more_starts == 0 && fitted.reduced.is_none() {
-        if let Some(places) = Places::of(records, &signals, &twins) {
-            let rest = places.without(records);
-            let known = result.provenance.clone();
-            let mut again = identify_from(Some(&fitted.estimate), opened, &rest, given.0, given.1, known, watch)?;
-            if again.result.state() == State::Explained {
-                places.say(&mut again.result);
-                return Ok(again);
-            }
+    let plain = contradicted && options.more_starts == 0 && fitted.reduced.is_none();
+    if plain
+        && begun.is_none()
+        && let Some(places) = Places::of(records, &signals, &twins)
+    {
+        let rest = places.without(records);
+        let known = result.provenance.clone();
+        let mut again = identify_from(Some(&fitted.estimate), opened, &rest, given.0, given.1, known, watch)?;
+        if again.result.state() == State::Explained {
+            places.say(&mut again.result);
+            return Ok(again);
         }
+    }
+    let band = found.as_ref().filter(|_| plain);
+    let band = band.and_then(|t| Band::of(of_model, records, &signals, &twins, (t, &floor, &result.whiteness)));
+    if let Some(slow) = band.map(|b| in_band(b, &result)).transpose()?
+        && (slow.result.state() == State::Explained || band::is_named(&slow.result))
+    {
+        return Ok(slow);
+    }
+    if plain && begun.is_none() {
         let lower = orders::lower(&request, &fitted.estimate, &mut watched);
         if let Some(e) = lower.filter(|_| !watch.is_stopped()) {
             let e = gone_on(e, &fitted.estimate, &request);
@@ -265,6 +285,12 @@ fn identify_from(
         let evidence =
             explain::evidence(Some(tests), (&fitted.estimate, &floor), &result.whiteness, estimates, settings);
         result.evidence = Some(evidence);
+    }
+    let band = result.evidence.as_ref().filter(|_| plain).and_then(|e| Band::beside(of_model, records, &twins, e));
+    if let Some(slow) = band.map(|b| in_band(b, &result)).transpose()?
+        && band::is_named(&slow.result)
+    {
+        return Ok(slow);
     }
     if let Some(after) = after {
         (result.status, result.iterations) = (EndOfFit::Interrupted { after }, after);

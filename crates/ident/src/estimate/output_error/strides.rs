@@ -66,6 +66,8 @@ impl OutputError<'_> {
     }
     /// Most samples that one is left of.
     fn most(&self) -> usize {
-        (self.rows.record.samples() / LEAST_SAMPLES).min(THINNEST)
+        let record = &self.rows.record;
+        let readings = if record.averaging().is_some() { record.tau().nrows() } else { record.samples() };
+        (readings / LEAST_SAMPLES).clamp(1, THINNEST)
     }
 }
