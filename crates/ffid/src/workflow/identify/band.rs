@@ -14,7 +14,7 @@
 //! that is named, it is the result, and says so. So is a named error with which nothing is left there, where errors that were named for the whole leave something over. An error of the model that shows above that frequency alone is not found.
 
 use super::drives::Drives;
-use super::evidence::{Evidence, State};
+use super::evidence::{Evidence, NamedError, State};
 use super::explain::{MOST, Tests};
 use super::findings::Whiteness;
 use super::labelled_record::LabelledRecord;
@@ -94,9 +94,11 @@ impl Band {
     }
 }
 
-/// Whether an error is named with which nothing is left over.
+/// Whether an error is named that is seen, and nothing is left over with it. One that is not seen, and lowers chi-squared all the same, has led to another valley.
 pub(super) fn is_named(result: &IdentificationResult) -> bool {
-    result.evidence.as_ref().is_some_and(|e| e.with_first == Some(State::Explained))
+    let named =
+        |e: &Evidence| e.with_first == Some(State::Explained) && e.named.first().is_some_and(NamedError::is_seen);
+    result.evidence.as_ref().is_some_and(named)
 }
 
 /// Up to which frequency (Hz) positions of all records tell how the joints move; `None` where that is not known, or readings are no averages of what is predicted.
