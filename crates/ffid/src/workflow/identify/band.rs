@@ -11,7 +11,7 @@
 //! and louder above ([`ident::OutputError::told_hz`]). There the torques say how the joint moves, and nothing of the model. Where tests contradict a
 //! fit, most of what is left over is above that frequency, and no error of the world accounts for it, the record is fitted once more with torques and
 //! base rates averaged over so much time that only what is slower is left of them ([`ff_records::Record::averaged`]). Where that is explained, or would be with an error
-//! that is named, it is the result, and says so. So is a named error with which nothing is left there, where errors that were named for the whole leave something over. An error of the model that shows above that frequency alone is not found.
+//! that is named, it is the result, and says so. An error of the model that shows above that frequency alone is not found.
 
 use super::drives::Drives;
 use super::evidence::{Evidence, NamedError, State};
@@ -59,18 +59,6 @@ impl Band {
             return None;
         }
         Self::below(records, hz)
-    }
-    /// Where errors that were named leave something over; `None` where they do not. Allocates.
-    pub(super) fn beside(
-        (model, settings): (&Model, &Settings),
-        records: &[LabelledRecord],
-        twins: &[Twin<'_>],
-        evidence: &Evidence,
-    ) -> Option<Self> {
-        let several = evidence.named.iter().any(|n| n.beside);
-        let something_is_left = evidence.explained.is_some_and(|part| part < MOST)
-            || evidence.with_first == Some(State::Contradicted) && !several;
-        something_is_left.then(|| Self::below(records, told_hz(model, settings, records, twins)?)).flatten()
     }
     fn below(records: &[LabelledRecord], hz: f64) -> Option<Self> {
         let one = |t: &LabelledRecord| Some(LabelledRecord { record: t.record.averaged(hz)?, ..t.clone() });

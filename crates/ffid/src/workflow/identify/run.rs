@@ -286,12 +286,6 @@ fn identify_from(
             explain::evidence(Some(tests), (&fitted.estimate, &floor), &result.whiteness, estimates, settings);
         result.evidence = Some(evidence);
     }
-    let band = result.evidence.as_ref().filter(|_| plain).and_then(|e| Band::beside(of_model, records, &twins, e));
-    if let Some(slow) = band.map(|b| in_band(b, &result)).transpose()?
-        && band::is_named(&slow.result)
-    {
-        return Ok(slow);
-    }
     if let Some(after) = after {
         (result.status, result.iterations) = (EndOfFit::Interrupted { after }, after);
     }
