@@ -6,6 +6,7 @@
 
 use crate::record::Record;
 use crate::time_base::ChannelGroup;
+use crate::uniform::mean_interval;
 use nalgebra::DMatrix;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -91,7 +92,10 @@ impl Record {
         let mut bases = self.bases.clone();
         let mut one = |group: ChannelGroup, readings: &DMatrix<f64>| {
             let (first, spacing) = match self.times(group) {
-                Some(times) if times.len() > 1 => (times[0], even_interval(times)?),
+                Some(times) if times.len() > 1 => {
+                    let (interval, off) = mean_interval(times);
+                    (times[0], (off < EVEN).then_some(interval)?)
+                }
                 Some(_) => return None,
                 None => (0.0, self.dt),
             };
@@ -114,17 +118,14 @@ impl Record {
         let averaging = Averaging { of: [of_torques, of_rates], torques: self.tau.clone(), times };
         Some(Self { tau, gyro, bases, averaging: Some(Arc::new(averaging)), ..self.clone() })
     }
+    /// Standard deviation of a reading of torques or base rates over what the sensor has, for white noise: one of readings that were not averaged.
+    pub fn noise_gain(&self, group: ChannelGroup) -> f64 {
+        self.averaging().map_or(1.0, |a| a.of(group).noise_gain())
+    }
     /// How its readings of torques and base rates were averaged; `None` for readings as they were taken.
     pub fn averaging(&self) -> Option<&Averaging> {
         self.averaging.as_deref()
     }
-}
-
-/// The interval between times that are evenly spaced, two at least.
-fn even_interval(times: &[f64]) -> Option<f64> {
-    let interval = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
-    let off = |(i, t): (usize, &f64)| (t - times[0] - i as f64 * interval).abs();
-    times.iter().enumerate().map(off).all(|off| off < EVEN * interval).then_some(interval)
 }
 
 /// At a time in intervals of the means.

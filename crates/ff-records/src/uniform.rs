@@ -20,6 +20,13 @@ pub(crate) enum Clock {
     Motion(Vec<f64>),
 }
 
+/// Mean interval between ascending times, two at least, and how far one of them is off the uniform clock with it, as a fraction of the interval.
+pub(crate) fn mean_interval(t: &[f64]) -> (f64, f64) {
+    let mean = (t[t.len() - 1] - t[0]) / (t.len() - 1) as f64;
+    let off = t.iter().enumerate().map(|(i, x)| (x - t[0] - i as f64 * mean).abs()).fold(0.0, f64::max);
+    (mean, off / mean)
+}
+
 /// `(t0, dt, stamps since t0 when samples have to be interpolated)`.
 pub(crate) fn check_clock(
     clock: Clock,
@@ -98,14 +105,9 @@ pub(crate) fn check_clock(
         };
         bad.push(p.on("time").hint("cut the record at the gap, or allow resampling of up to 1 % lost samples"));
     }
-    let jitter = if gaps.is_empty() {
-        let mean = (t[rows - 1] - t[0]) / (rows - 1) as f64;
-        t.iter().enumerate().map(|(i, x)| (x - t[0] - i as f64 * mean).abs()).fold(0.0, f64::max) / mean
-    } else {
-        f64::INFINITY
-    };
+    let jitter = if gaps.is_empty() { mean_interval(&t).1 } else { f64::INFINITY };
     if jitter <= JITTER {
-        return Some((t0, (t[rows - 1] - t[0]) / (rows - 1) as f64, None));
+        return Some((t0, mean_interval(&t).0, None));
     }
     if gaps.is_empty() {
         let m = format!("samples are up to {jitter:.2} intervals off the uniform clock (limit {JITTER})");

@@ -1,7 +1,7 @@
 //! Joints that shake as a controller's do, below what encoders read and above what torque sensors do.
 
 use crate::common::fixture;
-use crate::evidence::{distances, flown, identify, noisy, truth, world};
+use crate::evidence::{distances, flown, identify, moved, noisy, truth, world};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
@@ -18,14 +18,16 @@ const SHAKEN: f64 = 6e-6;
 /// Mission, robot and a record of `fixtures/verdict` with joints that shake; `spoil` changes the readings.
 fn shaken(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64])) {
     world(dir, seed, |_, _| {}, |m| m);
-    let text = fs::read_to_string(dir.join("clean.csv")).unwrap();
-    let names: Vec<&str> = text.lines().next().unwrap().split(',').collect();
-    let columns = names.iter().position(|c| c.starts_with("tau.")).unwrap();
-    let joints = columns / 3;
+    moved(dir, |rows| shake(rows, seed));
+    fs::copy(fixture("verdict").join("truth.toml"), dir.join("truth.toml")).unwrap();
+    flown(dir);
+    noisy(dir, seed, spoil, |m| m);
+}
+
+/// Adds waves under bells to all joints.
+fn shake(rows: &mut [Vec<f64>], seed: u64) {
+    let (joints, end) = (rows[0].len() / 3, rows[rows.len() - 1][0]);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let rows: Vec<Vec<f64>> =
-        text.lines().skip(1).map(|l| l.split(',').take(columns).map(|x| x.parse().unwrap()).collect()).collect();
-    let end = rows.last().unwrap()[0];
     let mut bursts = || {
         let one = |_| {
             let [at, f, phase] = [rng.random::<f64>(), rng.random::<f64>(), rng.random::<f64>()];
@@ -34,13 +36,10 @@ fn shaken(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64])) {
         (0..BURSTS).map(one).collect::<Vec<[f64; 3]>>()
     };
     let all: Vec<Vec<[f64; 3]>> = (0..joints).map(|_| bursts()).collect();
-    let head = names[..columns].join(",").replace(",ddq.", ",qdd.").replace(",dq.", ",qd.");
-    let mut out = vec![head];
-    for mut row in rows {
+    for row in rows {
         let t = row[0];
         for (j, bursts) in all.iter().enumerate() {
             for &[at, w, phase] in bursts.iter().filter(|b| (b[0] - t).abs() < 8.0 * LASTS) {
-                // A wave under a bell, and their derivatives.
                 let x = (t - at) / LASTS;
                 let (bell, (sin, cos)) = ((-0.5 * x * x).exp(), (w * t + phase).sin_cos());
                 let (slope, bend) = (-x / LASTS * bell, (x * x - 1.0) / LASTS.powi(2) * bell);
@@ -49,12 +48,7 @@ fn shaken(dir: &Path, seed: u64, spoil: impl Fn(&[String], &mut [f64])) {
                 row[1 + 2 * joints + j] += SHAKEN * (bend * sin + 2.0 * slope * w * cos - bell * w * w * sin);
             }
         }
-        out.push(row.iter().map(f64::to_string).collect::<Vec<_>>().join(","));
     }
-    fs::write(dir.join("motion.csv"), out.join("\n") + "\n").unwrap();
-    fs::copy(fixture("verdict").join("truth.toml"), dir.join("truth.toml")).unwrap();
-    flown(dir);
-    noisy(dir, seed, spoil, |m| m);
 }
 
 /// Torques show accelerations that positions do not, and contradicted a right model.

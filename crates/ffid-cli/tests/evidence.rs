@@ -44,17 +44,25 @@ fn world_with(dir: &Path, seed: u64, appendage: &str) {
 /// [`world`] of another robot, by our own simulation of the same motion.
 pub(crate) fn simulated(dir: &Path, seed: u64, change: impl Fn(&str) -> String) {
     world(dir, seed, |_, _| {}, |m| m);
-    let text = fs::read_to_string(dir.join("clean.csv")).unwrap();
-    let columns = text.lines().next().unwrap().split(',').position(|c| c.starts_with("tau.")).unwrap();
-    let motion = |l: &str| l.split(',').take(columns).collect::<Vec<_>>().join(",");
-    let lines: Vec<String> = text.lines().map(motion).collect();
-    fs::write(dir.join("motion.csv"), lines.join("\n").replace(",ddq.", ",qdd.").replace(",dq.", ",qd.") + "\n")
-        .unwrap();
+    moved(dir, |_| {});
     let truth = fs::read_to_string(fixture("verdict").join("truth.toml")).unwrap();
     assert!(change(&truth) != truth);
     fs::write(dir.join("truth.toml"), change(&truth)).unwrap();
     flown(dir);
     noisy(dir, seed, |_, _| {}, |m| m);
+}
+
+/// `motion.csv` of the joints in `clean.csv`: time, positions, rates and accelerations of every sample, changed by `change`.
+pub(crate) fn moved(dir: &Path, change: impl FnOnce(&mut [Vec<f64>])) {
+    let text = fs::read_to_string(dir.join("clean.csv")).unwrap();
+    let columns = text.lines().next().unwrap().split(',').position(|c| c.starts_with("tau.")).unwrap();
+    let mut lines = text.lines().map(|l| l.split(',').take(columns));
+    let head = lines.next().unwrap().collect::<Vec<_>>().join(",").replace(",ddq.", ",qdd.").replace(",dq.", ",qd.");
+    let mut rows: Vec<Vec<f64>> = lines.map(|l| l.map(|x| x.parse().unwrap()).collect()).collect();
+    change(&mut rows);
+    let line = |row: &Vec<f64>| row.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+    let all: Vec<String> = core::iter::once(head).chain(rows.iter().map(line)).collect();
+    fs::write(dir.join("motion.csv"), all.join("\n") + "\n").unwrap();
 }
 
 /// `clean.csv` of the robot of `truth.toml` along `motion.csv`.

@@ -30,18 +30,18 @@ pub(crate) struct OutputOperator {
     /// What is added to that for each channel; empty where all are alike.
     lags: Vec<f64>,
     /// Readings that are means over time.
-    means: Option<Means>,
+    means: Option<Kernel>,
 }
 
 /// What a mean is made of: an odd number of weights, about its instant.
 #[derive(Clone, Debug, PartialEq)]
-struct Means {
+struct Kernel {
     weights: Arc<[f64]>,
     /// How far apart what they weigh is, over `dt`.
     spacing: f64,
 }
 
-impl Means {
+impl Kernel {
     /// How far it reaches to either side.
     fn reach(&self) -> f64 {
         (self.weights.len() / 2) as f64 * self.spacing
@@ -101,11 +101,11 @@ impl OutputOperator {
     /// Of readings that are means with these weights, an odd number of them about the instant, of what is `spacing_s` (s) apart.
     fn with_means(self, weights: Arc<[f64]>, spacing_s: f64) -> Self {
         let spacing = spacing_s / self.dt;
-        Self { means: Some(Means { weights, spacing }), ..self }
+        Self { means: Some(Kernel { weights, spacing }), ..self }
     }
     /// How far a reading reaches to either side, in samples.
     fn reach(&self) -> f64 {
-        self.means.as_ref().map_or(0.0, Means::reach)
+        self.means.as_ref().map_or(0.0, Kernel::reach)
     }
     /// Where reading `i` looks at the grid with this lag, in samples.
     fn instant(&self, i: usize, lag: f64) -> f64 {
@@ -116,6 +116,10 @@ impl OutputOperator {
         // Beyond the ends the polynomial of the last six samples serves for a little; then it would run away, and is held.
         let last = (self.grid - 1) as f64;
         at.clamp(-BEYOND, last + BEYOND)
+    }
+    /// That of a channel.
+    fn lag(&self, channel: usize) -> f64 {
+        self.lags.get(channel).copied().unwrap_or(0.0)
     }
     /// The largest and the smallest lag.
     fn latest(&self) -> f64 {
@@ -143,8 +147,8 @@ impl OutputOperator {
     }
     /// That of a channel, of which the first stands for all that are alike.
     fn stencil(&self, i: usize, channel: usize) -> Stencil {
-        let at = self.instant(i, self.lags.get(channel).copied().unwrap_or(0.0));
-        let Some(Means { weights, spacing }) = &self.means else {
+        let at = self.instant(i, self.lag(channel));
+        let Some(Kernel { weights, spacing }) = &self.means else {
             let (first, w, dw) = self.about(at);
             return Stencil { first, weights: Parts::Instant(w), slopes: Parts::Instant(dw) };
         };
@@ -181,7 +185,7 @@ impl OutputOperator {
     }
     /// The first sample of the grid that the instant of reading `i` is made of, and the parts of it and those behind.
     pub(crate) fn parts(&self, i: usize) -> (usize, [f64; N]) {
-        let (first, parts, _) = self.about(self.instant(i, self.lags.first().copied().unwrap_or(0.0)));
+        let (first, parts, _) = self.about(self.instant(i, self.lag(0)));
         (first, parts)
     }
     /// Values of the columns of `y` (grid x channels, of which row 0 is sample `from` of the grid) for the readings. Allocates.

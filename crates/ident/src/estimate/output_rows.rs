@@ -117,7 +117,7 @@ impl<'a> OutputRows<'a> {
         let (disturbing, of_sensors) = options.errors.iter().partition(|e| of_motion(e));
         let errors = SensorErrors::new(of_sensors, &options.near_rest, &record, motion);
         let mut not_counted = [errors.at_rest(), Vec::new()];
-        let less = GROUPS.map(|g| record.averaging().map_or(1.0, |a| a.of(g).noise_gain()));
+        let less = GROUPS.map(|g| record.noise_gain(g));
         let of_channel = |j: usize| options.channel_noise.get(j).copied().unwrap_or(options.noise.torque);
         let torques = (0..model.nj()).map(|j| (less[0] * of_channel(j)).recip());
         let inverse = [torques.collect(), vec![1.0 / (less[1] * options.noise.gyro); 3]];

@@ -58,9 +58,6 @@ impl Band {
         if !(peaks_above(whiteness, hz) || is_above(records, signals, hz, (tests, floor))?) {
             return None;
         }
-        Self::below(records, hz)
-    }
-    fn below(records: &[LabelledRecord], hz: f64) -> Option<Self> {
         let one = |t: &LabelledRecord| Some(LabelledRecord { record: t.record.averaged(hz)?, ..t.clone() });
         let records = records.iter().map(one).collect::<Option<Vec<_>>>()?;
         let hz = records.first()?.record.averaging()?.of(ChannelGroup::Torque).half_hz();
@@ -74,11 +71,9 @@ impl Band {
              there of their motion no model explains"
         );
         if let Some(evidence) = &mut result.evidence {
-            evidence.reason = format!("{}; {message}", evidence.reason);
             evidence.below_hz = Some(self.hz);
         }
-        result.warnings.push(Warning { code: "Fit::Band".to_owned(), message });
-        result.verdict = text::verdict(result);
+        text::qualify(result, Warning { code: "Fit::Band".to_owned(), message });
     }
 }
 
@@ -138,14 +133,12 @@ fn squares(t: &LabelledRecord, s: &Signals, hz: f64) -> Option<[(f64, f64); 2]> 
     };
     let whitened = t.record.clone().with_torques(of(0, joints, rows[0])?).with_gyro(of(joints, 3, rows[1])?);
     let averaged = whitened.averaged(hz)?;
-    let gain = |group| averaged.averaging().map(|a| a.of(group).noise_gain());
-    let gains = [gain(ChannelGroup::Torque)?, gain(ChannelGroup::Gyro)?];
-    let sum = |r: &Record, gains: [f64; 2]| {
-        let all = [r.tau(), r.gyro()];
-        let squares: f64 = all.iter().zip(gains).map(|(m, gain)| m.norm_squared() / gain.powi(2)).sum();
-        (squares, all.iter().map(|m| m.len() as f64).sum::<f64>())
+    let sum = |r: &Record| {
+        let all = [(r.tau(), ChannelGroup::Torque), (r.gyro(), ChannelGroup::Gyro)];
+        let squares: f64 = all.iter().map(|&(m, group)| m.norm_squared() / r.noise_gain(group).powi(2)).sum();
+        (squares, all.iter().map(|(m, _)| m.len() as f64).sum::<f64>())
     };
-    Some([sum(&whitened, [1.0; 2]), sum(&averaged, gains)])
+    Some([sum(&whitened), sum(&averaged)])
 }
 
 #[cfg(test)]

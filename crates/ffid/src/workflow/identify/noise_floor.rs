@@ -74,6 +74,8 @@ fn noise_floor(records: &[LabelledRecord], sigma: &[f64]) -> f64 {
     let (mut sum, mut rows) = (0.0, 0.0);
     for t in records {
         let layout = RowLayout::of(&t.record, sigma.len());
+        // Differences of means are of what they follow.
+        let averaged = t.record.averaging().is_some();
         for (k, sigma) in sigma.iter().enumerate() {
             let joints = t.record.joints();
             let (data, column) = if k < joints { (t.record.tau(), k) } else { (t.record.gyro(), k - joints) };
@@ -81,8 +83,6 @@ fn noise_floor(records: &[LabelledRecord], sigma: &[f64]) -> f64 {
                 continue;
             }
             let samples = layout.samples(k) as f64;
-            // Differences of means are of what they follow.
-            let averaged = t.record.averaging().is_some();
             sum += samples * if averaged { 1.0 } else { above_stated(data.column(column).as_view(), *sigma) };
             rows += samples;
         }

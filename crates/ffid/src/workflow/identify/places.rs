@@ -59,11 +59,7 @@ impl Places {
             middles.len(),
             list(middles.iter().map(String::as_str), LISTED)
         );
-        if let Some(evidence) = &mut result.evidence {
-            evidence.reason = format!("{}; {message}", evidence.reason);
-        }
-        result.warnings.push(Warning { code: "Data::Kinks".to_owned(), message });
-        result.verdict = text::verdict(result);
+        text::qualify(result, Warning { code: "Data::Kinks".to_owned(), message });
     }
 }
 

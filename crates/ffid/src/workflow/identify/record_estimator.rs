@@ -124,11 +124,9 @@ impl<'a> RecordEstimator<'a> {
             _ => vec![self.noise.torque; model.nj()],
         };
         // Means have less.
-        if let Some(averaging) = self.record.1.averaging() {
-            let joints = model.nj();
-            let group = |k: usize| if k < joints { ChannelGroup::Torque } else { ChannelGroup::Gyro };
-            out.iter_mut().enumerate().for_each(|(k, sigma)| *sigma *= averaging.of(group(k)).noise_gain());
-        }
+        let gains = [ChannelGroup::Torque, ChannelGroup::Gyro].map(|g| self.record.1.noise_gain(g));
+        let joints = model.nj();
+        out.iter_mut().enumerate().for_each(|(k, sigma)| *sigma *= gains[usize::from(k >= joints)]);
         out
     }
 }

@@ -205,33 +205,31 @@ fn identify_from(
         // Sums over lags may come out below zero, and then say nothing.
         p.std_coloured = coloured.iter().find(|(name, std)| *name == p.name && *std > 0.0).map(|c| c.1);
     }
-    let of_model = (model, settings);
-    let in_band = |band: Band, result: &IdentificationResult| {
-        let (known, begun) = (result.provenance.clone(), Some(&fitted.estimate));
-        let mut slow = identify_from(begun, opened, &band.records, given.0, given.1, known, watch)?;
-        band.say(&mut slow.result);
-        Ok::<_, IdentifyError>(slow)
-    };
     let contradicted = result.state() == State::Contradicted && ended_well && own.is_none() && goes_on();
     let plain = contradicted && options.more_starts == 0 && fitted.reduced.is_none();
+    let from_end = |records: &[LabelledRecord], known: &IdentificationResult| {
+        let (begun, known) = (Some(&fitted.estimate), known.provenance.clone());
+        identify_from(begun, opened, records, given.0, given.1, known, watch)
+    };
     if plain
         && begun.is_none()
         && let Some(places) = Places::of(records, &signals, &twins)
     {
-        let rest = places.without(records);
-        let known = result.provenance.clone();
-        let mut again = identify_from(Some(&fitted.estimate), opened, &rest, given.0, given.1, known, watch)?;
+        let mut again = from_end(&places.without(records), &result)?;
         if again.result.state() == State::Explained {
             places.say(&mut again.result);
             return Ok(again);
         }
     }
-    let band = found.as_ref().filter(|_| plain);
-    let band = band.and_then(|t| Band::of(of_model, records, &signals, &twins, (t, &floor, &result.whiteness)));
-    if let Some(slow) = band.map(|b| in_band(b, &result)).transpose()?
-        && (slow.result.state() == State::Explained || band::is_named(&slow.result))
+    if plain
+        && let Some(tests) = &found
+        && let Some(band) = Band::of((model, settings), records, &signals, &twins, (tests, &floor, &result.whiteness))
     {
-        return Ok(slow);
+        let mut slow = from_end(&band.records, &result)?;
+        if slow.result.state() == State::Explained || band::is_named(&slow.result) {
+            band.say(&mut slow.result);
+            return Ok(slow);
+        }
     }
     if plain && begun.is_none() {
         let lower = orders::lower(&request, &fitted.estimate, &mut watched);

@@ -68,6 +68,6 @@ impl OutputError<'_> {
     fn most(&self) -> usize {
         let record = &self.rows.record;
         let readings = if record.averaging().is_some() { record.tau().nrows() } else { record.samples() };
-        (readings / LEAST_SAMPLES).clamp(1, THINNEST)
+        (readings / LEAST_SAMPLES).min(THINNEST)
     }
 }

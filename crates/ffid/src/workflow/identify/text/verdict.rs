@@ -7,6 +7,7 @@ use crate::workflow::identify::result::channel::Channel;
 use crate::workflow::identify::result::fit::{Ended, Method};
 use crate::workflow::identify::result::identification::IdentificationResult;
 use crate::workflow::identify::result::parameter::{Combination, ParameterVerdict};
+use crate::workflow::identify::result::provenance::Warning;
 use crate::workflow::identify::result::sampled::{Sampled, SampledState};
 use crate::workflow::identify::result::uncertain::BudgetLine;
 
@@ -215,6 +216,15 @@ fn sampled(s: &Sampled) -> String {
             }
         ),
     }
+}
+
+/// Adds to a result what its verdict holds for, as a warning and to the reason.
+pub(in crate::workflow::identify) fn qualify(r: &mut IdentificationResult, warning: Warning) {
+    if let Some(evidence) = &mut r.evidence {
+        evidence.reason = format!("{}; {}", evidence.reason, warning.message);
+    }
+    r.warnings.push(warning);
+    r.verdict = verdict(r);
 }
 
 /// What the record says of the model as a whole.
